@@ -8,7 +8,7 @@ import time
 from benchmarks.ours import Ours
 from benchmarks.timing import Measurement
 from benchmarks.work import plan_run
-from ship_trl.run.training import Journal
+from ship_trl.run.journal import Journal
 
 ARMS = ("scratch", "FE3", "FE4")
 

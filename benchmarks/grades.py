@@ -20,7 +20,7 @@ from scipy import special
 from ship_trl.cli.errors import refusals
 from ship_trl.cli.parser import add_number, make_parser
 from ship_trl.config.bounds import Positive
-from ship_trl.run.table import show
+from ship_trl.run.console import show
 from ship_trl.study import margins
 from ship_trl.study.claims.grades import (
     Evidence,

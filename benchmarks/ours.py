@@ -13,9 +13,8 @@ from benchmarks.work import OVERRIDES, STEPS_PER_CALL, plan_run
 from ship_trl.config.arm import Arm
 from ship_trl.fast.worlds import make_env
 from ship_trl.learn.double_dqn import DoubleDQN
-from ship_trl.run.parts import make_parts
-from ship_trl.run.run import Run
-from ship_trl.run.source import read_source
+from ship_trl.run.plan import Run
+from ship_trl.run.setup import make_parts, read_source
 
 ARMS = ("scratch", "FE1", "FE2", "FE3", "FE4", "FT3")
 

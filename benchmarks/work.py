@@ -13,8 +13,7 @@ from ship_trl.config.checks import to_config
 from ship_trl.config.errors import ConfigError
 from ship_trl.config.paths import conf_dir
 from ship_trl.config.types import Learn
-from ship_trl.run.plan import make_run
-from ship_trl.run.run import Run
+from ship_trl.run.plan import Run, make_run
 
 CASE = "4"
 FRAME = (1, 84, 84)

@@ -38,7 +38,7 @@ def train(words: list[str]) -> None:
     from ship_trl.grid.launchers import die_with_launcher, mark_launcher, place_in_grid
     from ship_trl.grid.sweep import objective
     from ship_trl.run.plan import make_run
-    from ship_trl.run.stop import end_at_sigterm
+    from ship_trl.run.process import end_at_sigterm
 
     @hydra.main(config_path=str(conf_dir()), config_name="config", version_base="1.3")
     def entry(values: DictConfig) -> float:

@@ -13,8 +13,8 @@ from ship_trl.fast.graphs import Captured
 from ship_trl.fast.worlds import make_rasteriser, make_step
 from ship_trl.learn.lockstep import Lockstep
 from ship_trl.learn.network import DuelingNetwork, make_network
-from ship_trl.run.run import Run
-from ship_trl.run.source import read_source
+from ship_trl.run.plan import Run
+from ship_trl.run.setup import read_source
 from ship_trl.sim.cases import load_case
 from ship_trl.sim.state import initial_state
 from ship_trl.sim.vector import VectorObservation

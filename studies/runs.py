@@ -26,7 +26,7 @@ from ship_trl.config.types import Config
 from ship_trl.files.disk import atomic_write
 
 if TYPE_CHECKING:
-    from ship_trl.run.run import Run
+    from ship_trl.run.plan import Run
 
 # Greedy evaluations in a run, and how many of the last ones count as the end.
 EVALUATIONS, LAST = 15, 3

@@ -25,7 +25,7 @@ WITHOUT_TORCH = (
     "config", "files", "cli", "__main__", "sim/cases", "sim/suites", "transfer/similarity",
     "transfer/casebase",
     "policies/pretrained", "policies/demonstrations", "policies/entry", "policies/registry", "run/checkpoint",
-    "run/folder", "run/plan", "run/stop", "run/progress", "grid/launchers", "run/results",
+    "run/folder", "run/plan", "run/process", "run/console", "grid/launchers", "run/results",
     "grid/check", "grid/compose",
     "explain/study", "study",
 )  # fmt: skip

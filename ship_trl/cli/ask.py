@@ -19,7 +19,7 @@ from pathlib import Path
 from ship_trl.cli.errors import refusals
 from ship_trl.cli.parser import make_parser
 from ship_trl.config.errors import ConfigError, print_error
-from ship_trl.run.table import show
+from ship_trl.run.console import show
 from ship_trl.study.claims.questions import ask
 from ship_trl.study.compare import Finding
 from ship_trl.study.statistics import LEVEL

@@ -19,7 +19,7 @@ from ship_trl.config.errors import ConfigError
 from ship_trl.config.paths import conf_dir
 from ship_trl.config.types import World
 from ship_trl.policies.pretrained import networks
-from ship_trl.run.table import show
+from ship_trl.run.console import show
 from ship_trl.sim.cases import Case, load_world, read_values, readable_cases, to_course
 from ship_trl.sim.suites import Suite, load_suite, suite_of
 from ship_trl.study.transfers import BUNDLED_TABLE, TABLE, Transfer, read_transfers, transfers_to

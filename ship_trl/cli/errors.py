@@ -38,7 +38,7 @@ def job_errors() -> Iterator[None]:
     from hydra.core.hydra_config import HydraConfig
     from hydra.types import RunMode
 
-    from ship_trl.run.stop import TIME_TO_STOP, StoppedError, end_by_signal
+    from ship_trl.run.process import TIME_TO_STOP, StoppedError, end_by_signal
 
     try:
         yield

@@ -154,7 +154,7 @@ def write_sheet(path: Path, found: list[Evaluated]) -> None:
 def print_table(found: list[Evaluated], options: Namespace) -> None:
     """Print a row for each policy; of several episodes with rates and scores, else with the end."""
     from ship_trl.policies.reference import best_known_return
-    from ship_trl.run.table import show
+    from ship_trl.run.console import show
     from ship_trl.transfer.casebase import PLANS
 
     rows = []

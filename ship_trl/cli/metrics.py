@@ -28,7 +28,7 @@ from ship_trl.cli.parser import add_number, add_output, make_parser
 from ship_trl.config.bounds import PositiveShare
 from ship_trl.config.errors import ConfigError
 from ship_trl.files.logs import KINDS, LearningCurve, read_logs
-from ship_trl.run.table import show
+from ship_trl.run.console import show
 
 Return = Annotated[float, Field(ge=-1e9, le=1e9)]
 # In the steps that all runs have.

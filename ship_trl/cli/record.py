@@ -86,7 +86,7 @@ def check_mp4(size: tuple[int, int]) -> None:
 
 def record_film(entries: list[Entry], options: Namespace) -> None:
     """Write the film of one entry after the other, or of the first two side by side."""
-    from ship_trl.run.progress import track
+    from ship_trl.run.console import track
     from ship_trl.view.dashboard import Look
     from ship_trl.view.episode_view import view_entry
     from ship_trl.view.film import draw_film, write_film

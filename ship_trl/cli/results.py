@@ -18,8 +18,8 @@ from ship_trl.config.command import command
 from ship_trl.config.errors import ConfigError, print_error
 from ship_trl.files.curve import RunError
 from ship_trl.files.record import Evaluation, RunRecord
-from ship_trl.run.results import collect, drop_copies, folders_of, group_runs
-from ship_trl.run.table import show
+from ship_trl.run.console import show
+from ship_trl.run.results import collect, drop_copies, group_runs
 
 # A column of transfers: returns on the source of its own network, and of the run's at the end.
 SOURCE_HEADING = "return on the source, its network > at the end, by seed"
@@ -57,7 +57,7 @@ def main(arguments: list[str] | None = None) -> None:
             from ship_trl.study.report import runs
             from ship_trl.study.report.tables import write_csv
 
-            measured = list(runs.measure_runs(folders_of(found)))
+            measured = list(runs.measure_runs(group_runs(found)))
             if options.csv is not None:
                 write_csv(options.csv, measured)
             if options.stability:
@@ -65,7 +65,7 @@ def main(arguments: list[str] | None = None) -> None:
         if options.transfer:
             from ship_trl.study.report import runs
 
-            show(runs.TRANSFER_HEADINGS, runs.transfer_rows(folders_of(found)), options.markdown)
+            show(runs.TRANSFER_HEADINGS, runs.transfer_rows(group_runs(found)), options.markdown)
             sys.stdout.write(runs.describe_scales(found))
         if options.test:
             show(TEST_HEADINGS, compare(found, *folders), options.markdown)

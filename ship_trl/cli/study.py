@@ -9,8 +9,8 @@ from ship_trl.cli.errors import refusals
 from ship_trl.cli.help import HELP_FLAGS
 from ship_trl.config.command import command
 from ship_trl.config.errors import ConfigError, print_error
-from ship_trl.run.progress import format_duration
-from ship_trl.run.stop import TerminatedError, raise_at_sigterm
+from ship_trl.run.console import format_duration
+from ship_trl.run.process import TerminatedError, raise_at_sigterm
 from ship_trl.study.launch import (
     LOG,
     Display,

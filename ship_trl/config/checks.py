@@ -15,7 +15,7 @@ from ship_trl.config.bounds import MAX_DISTANCE, PICTURE
 from ship_trl.config.errors import ConfigError, missing_extra
 from ship_trl.config.network import Geometry, geometry, linear_from, linear_sizes, supports_incremental
 from ship_trl.config.schema import read_as
-from ship_trl.config.types import BackendName, Config, Logger, Observation, World, bfloat16_allowed
+from ship_trl.config.types import BackendName, Config, Observation, World, bfloat16_allowed, trackers_of
 
 # The planner tries each action at each step: ten actions and a thousand steps take it about ten minutes.
 MAX_ACTIONS, MAX_PLANNED = 100, 10_000
@@ -161,9 +161,9 @@ def check_memory(config: Config, layers: Geometry) -> None:
     require_at_most(most, "learn.replay_size", learn.replay_size, f"{MAX_REPLAY_BYTES >> 30} GB")
 
 
-def check_logger(logger: Logger) -> None:
+def check_logger(logger: str) -> None:
     """Check that TensorBoard, an extra, is installed if it is asked for."""
-    if logger.includes(Logger.tensorboard) and importlib.util.find_spec("tensorboard") is None:
+    if "tensorboard" in trackers_of(logger) and importlib.util.find_spec("tensorboard") is None:
         raise ConfigError(f"logger: {missing_extra('tensorboard', 'tensorboard')}")
 
 

@@ -8,7 +8,7 @@ from __future__ import annotations
 import dataclasses
 import os
 from dataclasses import dataclass, field
-from enum import Enum, StrEnum
+from enum import StrEnum
 from typing import Annotated, Any
 
 from omegaconf import OmegaConf
@@ -40,7 +40,7 @@ from ship_trl.config.bounds import (
     ShipShares,
 )
 from ship_trl.config.errors import ConfigError
-from ship_trl.config.paths import stem
+from ship_trl.config.paths import PACKAGE, stem
 from ship_trl.config.schema import rule
 from ship_trl.config.transfer import Transfer
 from ship_trl.config.world import Reward as Reward
@@ -50,18 +50,17 @@ from ship_trl.config.world import World
 BFLOAT16 = "SHIP_TRL_BFLOAT16"
 
 
-class Logger(Enum):
-    """Where a run's numbers go besides `curve.csv`, which is always written."""
+# A run is logged to the trackers of these names, a file each; `all` is all of them.
+TRACKERS = sorted(stem(path) for path in (PACKAGE / "run/trackers").glob("[!_]*.py"))
+LOGGERS = *TRACKERS, "all"
+Logger = Annotated[str, rule(f"one of {', '.join(LOGGERS)}", LOGGERS.__contains__)]
 
-    csv = "csv"
-    wandb = "wandb"
-    tensorboard = "tensorboard"
-    all = "all"
 
-    def includes(self, other: Logger) -> bool:
-        """Return whether the numbers go to `other`, which `all` includes; `WANDB_MODE` may disable wandb."""
-        disabled = other is Logger.wandb and os.environ.get("WANDB_MODE") == "disabled"
-        return self in (other, Logger.all) and not disabled
+def trackers_of(logger: str) -> list[str]:
+    """List the trackers that `logger` names: CSV always, and no wandb where `WANDB_MODE` disables it."""
+    others = [name for name in TRACKERS if name != "csv" and logger in (name, "all")]
+    is_disabled = os.environ.get("WANDB_MODE") == "disabled"
+    return ["csv", *(name for name in others if name != "wandb" or not is_disabled)]
 
 
 Loss = StrEnum("Loss", ["l2", "huber"])

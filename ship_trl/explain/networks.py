@@ -25,9 +25,9 @@ from ship_trl.learn.rollout import rollout
 from ship_trl.policies.entry import SHOWN, Entry
 from ship_trl.policies.named import load_with_network
 from ship_trl.policies.pretrained import find, is_pretrained
+from ship_trl.run.plan import Run
 from ship_trl.run.results import locate, read_run_settings
-from ship_trl.run.run import Run
-from ship_trl.run.source import read_source
+from ship_trl.run.setup import read_source
 from ship_trl.sim.suites import load_suite
 from ship_trl.transfer.casebase import CONFIG
 from ship_trl.transfer.methods import make_method

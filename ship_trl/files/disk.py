@@ -21,18 +21,8 @@ MAX_FILE_BYTES = 1 << 30
 DISK = {errno.ENOSPC, errno.EDQUOT, errno.EFBIG, errno.EIO, errno.EROFS}
 
 
-def links(folder: Path, below: Path) -> list[Path]:
-    """List the links among a folder and its parents inside `below`."""
-    return [place for place in (folder, *folder.parents) if below in place.parents and place.is_symlink()]
-
-
 def read_file(path: Path, most: int = MAX_FILE_BYTES) -> bytes:
-    """Read a file; raise OSError if it has more than `most` bytes or is no regular file.
-
-    Reading a pipe or a device might never end.
-    """
-    if path.exists() and not path.is_file():
-        raise OSError(errno.EINVAL, "is no file", str(path))
+    """Read a file; raise OSError if it has more than `most` bytes."""
     if path.stat().st_size > most:
         raise OSError(errno.EFBIG, f"is larger than {most} bytes", str(path))
     return path.read_bytes()

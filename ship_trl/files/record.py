@@ -311,8 +311,12 @@ def read_run(folder: Path, part: str = "") -> RunRecord:
 
 
 def read_whole(folder: Path, part: str = "") -> RunRecord:
-    """Read a run with its curve, rounded to `DECIMALS`; raise a RunError if they are not whole."""
-    run = read_run(folder, part)
+    """Read the run in a folder with its curve; see `with_curve`."""
+    return with_curve(read_run(folder, part))
+
+
+def with_curve(run: RunRecord) -> RunRecord:
+    """Return a run with its curve, rounded to `DECIMALS`; raise a RunError if they are not whole."""
     # Python rounds the written decimal; NumPy does not always.
     columns = {name: run.curve[name].map(lambda value, n=n: round(value, n)) for name, n in DECIMALS.items()}
     draws = [round(value, DECIMALS["return"]) for value in run.draws]

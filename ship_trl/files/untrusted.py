@@ -1,12 +1,11 @@
-"""Read untrusted files: YAML as plain values, streams up to a limit; see SECURITY.md. No torch."""
+"""Read untrusted files: YAML as plain values; see SECURITY.md. No torch."""
 
 from __future__ import annotations
 
-import io
 import re
 from collections.abc import Iterable
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, NoReturn
+from typing import Any, NoReturn
 
 import yaml
 from omegaconf import DictConfig, ListConfig, OmegaConf
@@ -14,9 +13,6 @@ from omegaconf._utils import get_yaml_loader
 from omegaconf.errors import OmegaConfBaseException
 
 from ship_trl.files.disk import read_file
-
-if TYPE_CHECKING:
-    from _typeshed import WriteableBuffer
 
 # A run's configuration has 2,000 bytes, a case of eight ships 700.
 MAX_YAML_BYTES = 64_000
@@ -100,24 +96,3 @@ def refuse_more_than_values(text: str) -> None:
             raise yaml.YAMLError(f"line {line}: no alias (*{event.anchor}) is allowed")
         if isinstance(event, yaml.ScalarEvent) and "${" in event.value:
             raise yaml.YAMLError(f"line {line}: no interpolation (${{...}}) is allowed")
-
-
-class Bounded(io.RawIOBase):
-    """A binary stream that raises a ValueError beyond `most` bytes: a small xz file may hold very many."""
-
-    def __init__(self, stream: io.BufferedIOBase, most: int) -> None:
-        self._stream, self._left, self._most = stream, most, most
-
-    def readable(self) -> bool:
-        """Return that the stream can be read."""
-        return True
-
-    def readinto(self, buffer: WriteableBuffer) -> int:
-        """Read into a buffer; return the number of bytes."""
-        view = memoryview(buffer).cast("B")
-        data = self._stream.read(len(view))
-        view[: len(data)] = data
-        self._left -= len(data)
-        if self._left < 0:
-            raise ValueError(f"unpacked it has more than {self._most} bytes")
-        return len(data)

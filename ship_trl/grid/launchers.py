@@ -22,7 +22,7 @@ from hydra.experimental.callback import Callback
 from omegaconf import DictConfig, OmegaConf
 
 from ship_trl.config.errors import ConfigError, print_error
-from ship_trl.run.stop import TIME_TO_STOP, end_by_signal
+from ship_trl.run.process import TIME_TO_STOP, end_by_signal
 
 TOKEN, TOKEN_PATH, MODE = "RAY_AUTH_TOKEN", "RAY_AUTH_TOKEN_PATH", "RAY_AUTH_MODE"
 RAY = "hydra_plugins.hydra_ray_launcher"

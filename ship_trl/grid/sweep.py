@@ -15,7 +15,7 @@ from ship_trl.config.types import Objective
 from ship_trl.files.curve import RunError
 from ship_trl.files.record import RunRecord
 from ship_trl.files.untrusted import read_yaml
-from ship_trl.run.run import Run
+from ship_trl.run.plan import Run
 
 # File that Hydra's sweepers write.
 RESULTS = "optimization_results.yaml"

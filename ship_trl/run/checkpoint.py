@@ -8,7 +8,6 @@ from __future__ import annotations
 
 import hashlib
 import json
-import os
 import shutil
 import time
 from collections.abc import Iterator, Mapping
@@ -88,7 +87,7 @@ class Checkpoints:
     def read(self, config_hash: str) -> tuple[tuple[About, dict[str, Tensor]] | None, dict[Path, str]]:
         """Return the newest intact checkpoint of a run or None, and what is wrong with damaged files."""
         newest, damaged = None, {}
-        for path in filter(os.path.lexists, self._oldest_first()):
+        for path in filter(Path.exists, self._oldest_first()):
             try:
                 about, tensors = read(path)
             except CheckpointError as error:
@@ -136,9 +135,9 @@ def open_checkpoint(path: Path, framework: str) -> Iterator[tuple[Any, About, ob
     """Open a checkpoint; yield the safetensors file, its header, and the digest in the header.
 
     Raises:
-        CheckpointError: it is missing, a link, truncated, or has another header.
+        CheckpointError: it is missing, truncated, or has another header.
     """
-    if not path.is_file() or path.is_symlink():
+    if not path.is_file():
         raise CheckpointError("is not a file")
     try:
         with safe_open(path, framework=framework) as file:

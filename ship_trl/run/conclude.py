@@ -20,10 +20,9 @@ from ship_trl.policies import pretrained
 from ship_trl.policies.reference import best_known_return, random_return
 from ship_trl.run import console
 from ship_trl.run.history import summarise
-from ship_trl.run.parts import Parts
-from ship_trl.run.plan import ALGORITHM_VERSION, hash_of
+from ship_trl.run.plan import ALGORITHM_VERSION, Run, hash_of
 from ship_trl.run.process import processor_name
-from ship_trl.run.run import Run
+from ship_trl.run.setup import Parts
 from ship_trl.sim.state import first_case
 from ship_trl.sim.suites import describe
 from ship_trl.transfer.casebase import PLANS, POLICY_LAST, CaseBase, Entry

@@ -1,23 +1,36 @@
-"""One run: source network, transfer, training on the target case, result."""
+"""One run: source network, transfer, training until it ends or a signal stops it, result."""
 
 from __future__ import annotations
 
+import time
+from collections.abc import Iterator
 from pathlib import Path
 
 import torch
 
 from ship_trl.config.errors import ConfigError
+from ship_trl.files.curve import CURVE
+from ship_trl.files.disk import sync
 from ship_trl.files.record import RunRecord
-from ship_trl.policies.reference import is_course_best
+from ship_trl.learn.algorithm import DivergedError
+from ship_trl.learn.train import Evaluated, Finished, Training
+from ship_trl.policies.reference import best_known_return, is_course_best
 from ship_trl.run import console
 from ship_trl.run.checkpoint import Checkpoints
-from ship_trl.run.conclude import retain
+from ship_trl.run.conclude import make_result, retain, write_files
 from ship_trl.run.folder import find_result
-from ship_trl.run.process import configure_process, release_memory
-from ship_trl.run.run import Run
-from ship_trl.run.source import read_source
-from ship_trl.run.training import train_run
-from ship_trl.transfer.casebase import CaseBase, Entry
+from ship_trl.run.history import History
+from ship_trl.run.journal import Journal
+from ship_trl.run.plan import Run
+from ship_trl.run.process import Stop, StoppedError, configure_process, release_memory, stop_on_signal
+from ship_trl.run.setup import Source, make_parts, read_source
+from ship_trl.run.trackers import Trackers
+from ship_trl.sim.cases import shadowing_file
+from ship_trl.transfer.casebase import PLANS, POLICY, CaseBase, Entry
+from ship_trl.transfer.weights import save_weights
+
+# Cases whose best known plan is searched for, which takes a minute or more of each.
+MAX_SEARCHES = 10
 
 
 def run_experiment(run: Run, place: str = "") -> RunRecord:
@@ -78,3 +91,77 @@ def find_source(source: Run, title: str, place: str) -> Entry:
         # The process that trained it may have been killed before this step.
         Checkpoints(source.folder).remove()
     return entry
+
+
+def train_run(run: Run, device: torch.device, source: Source | None, place: str = "") -> RunRecord:
+    """Train one network, and write all files into the run's folder, `result.json` last.
+
+    If an earlier process left a checkpoint of this run, the training resumes from it. The caller holds the
+    run's lock. `place` is the run's place in a grid, else empty.
+
+    Raises:
+        StoppedError: a signal asked to stop.
+        ConfigError: see `make_parts` and `Journal.resume`, or the training diverged.
+    """
+    started = time.perf_counter()
+    # Printed first, because the planner and the jumpstart draws take a while.
+    console.say(f"{f'{place}: ' if place else ''}{run.title}, profile {run.config.profile}")
+    named = ("suite", run.target.name), ("case", str(run.config.target))
+    for kind, name in dict.fromkeys((*named, *(("case", case.name) for case in run.target.cases))):
+        if own := shadowing_file(kind, name):
+            console.say(f"{kind} {name}: {own}, not the bundled {kind} of this name")
+    parts = make_parts(run, device, source)
+    journal = Journal(run, parts, started)
+    journal.resume(in_a_grid=bool(place))
+    plans = Path(run.config.case_base) / PLANS
+    known = best_known_return(run.target, run.config.world, plans, MAX_SEARCHES)
+    history, training, episodes = parts.history, parts.training, run.config.learn.episodes
+    with Trackers(run, history.rows) as trackers:
+        # In a resumed run, the file of the best network may be newer than the checkpoint.
+        save_best(run, history)
+        with stop_on_signal() as stop:
+            events = train_until_stopped(training, journal, stop)
+            if (check := parts.source_check) is not None:
+                events = (check.add(event, parts.algorithm.network) for event in events)
+            last = [
+                console.describe_greedy(one.episode_return, one.success_rate, one.episodes)
+                for one in history.evaluated[-1:]
+            ]
+            for event in console.progress(run.title, episodes, events, place, training.episode, *last):
+                trackers.log(event)
+                if history.add(event, parts.algorithm.network):
+                    save_best(run, history)
+        write_files(run, parts, known)
+        result = make_result(run, parts, known, journal.seconds)
+        # Flush the curve before the checkpoints, which hold it too, are deleted.
+        sync(run.folder / CURVE)
+        # Before `trackers.finish`, which may fail or wait for a network. The checkpoint folder is deleted
+        # last: while it exists, the run counts as unfinished.
+        result.write(run.folder)
+        retain(run, result)
+        journal.checkpoints.remove()
+        trackers.finish(result)
+    return result
+
+
+def train_until_stopped(training: Training, journal: Journal, stop: Stop) -> Iterator[Finished | Evaluated]:
+    """Train to the end and yield the events; between two steps, write a checkpoint if it is due, or stop."""
+    try:
+        if not training.has_begun:
+            yield training.begin()
+        while not training.is_finished:
+            yield from training.advance()
+            if stop.asked is None and journal.checkpoints.due(training.episode):
+                journal.write()
+            # The signal may also have come while the checkpoint was written.
+            if stop.asked is not None:
+                raise StoppedError(journal.stop(), stop.asked)
+    except DivergedError as error:
+        raise ConfigError(journal.describe_divergence(error)) from None
+
+
+def save_best(run: Run, history: History) -> None:
+    """Write the network of the best evaluation, if there is one."""
+    if history.best is not None:
+        about = {"config_hash": run.config_hash, "episode": history.best.episode}
+        save_weights(run.folder / POLICY, history.network, about)

@@ -5,7 +5,7 @@ from __future__ import annotations
 import os
 from collections.abc import Iterator
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import yaml
 from omegaconf import OmegaConf
@@ -16,12 +16,14 @@ from ship_trl.config.errors import ConfigError, one_line
 from ship_trl.config.schema import read_as
 from ship_trl.config.types import Perturbation, World, plain
 from ship_trl.files.curve import RunError
-from ship_trl.files.disk import atomic_write, links, remove
+from ship_trl.files.disk import atomic_write, remove
 from ship_trl.files.record import RESULT, RunRecord, read_run
 from ship_trl.files.untrusted import read_yaml
 from ship_trl.run.checkpoint import FOLDER, Checkpoints
-from ship_trl.run.run import Run
-from ship_trl.transfer.casebase import CONFIG, LOCKS
+from ship_trl.transfer.casebase import CONFIG
+
+if TYPE_CHECKING:
+    from ship_trl.run.plan import Run
 
 # Settings that do not change what a run learns.
 IGNORED_KEYS = {
@@ -49,16 +51,10 @@ class TakenError(ConfigError):
 
 
 def check_folder(run: Run) -> None:
-    """Check, before a run begins, that its folder is writable and that no other run would be overwritten.
-
-    Nothing may be written through a link: neither the folder, nor a lock.
-    """
+    """Check, before a run begins, that its folder is writable and that no other run would be overwritten."""
     parent = next(folder for folder in (run.folder, *run.folder.parents) if folder.exists())
     if not parent.is_dir() or not os.access(parent, os.W_OK | os.X_OK):
         raise ConfigError(f"output: {parent} is not a folder that can be written")
-    output = Path(run.config.output)
-    if linked := [*links(output / LOCKS, output), *links(run.folder / FOLDER, output)]:
-        raise ConfigError(f"output: {linked[0]} is a link; allowed: only output= itself may be one")
     find_result(run)
 
 

@@ -7,27 +7,32 @@ import hashlib
 import json
 import shlex
 from collections.abc import Sequence
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from ship_trl.config.algorithm import ON_POLICY, non_default_algorithm
-from ship_trl.config.arm import SCRATCH, SourceWeights
+from filelock import FileLock
+from omegaconf import OmegaConf
+
+from ship_trl.config.algorithm import ON_POLICY, TEACHERS, non_default_algorithm
+from ship_trl.config.arm import SCRATCH, Arm, SourceWeights
+from ship_trl.config.bounds import RewardScale
 from ship_trl.config.checks import require
 from ship_trl.config.command import override
 from ship_trl.config.errors import ConfigError
 from ship_trl.config.network import non_default_network
 from ship_trl.config.paths import conf_dir, stem
+from ship_trl.config.schema import read_as
 from ship_trl.config.transfer import Transfer
 from ship_trl.config.types import Config, plain
 from ship_trl.config.world import world_values
+from ship_trl.files.untrusted import read_yaml
 from ship_trl.policies.demonstrations import Demonstration, read_demonstrations
-from ship_trl.policies.pretrained import PRETRAINED, Pretrained, find, networks
-from ship_trl.run.folder import TakenError, check_folder
-from ship_trl.run.run import Run
-from ship_trl.run.teacher import digest_teacher, teacher_factor
+from ship_trl.policies.pretrained import PRETRAINED, REWARD_SCALE, Pretrained, find, is_pretrained, networks
+from ship_trl.run.folder import TakenError, check_folder, flatten, read_settings
 from ship_trl.sim.cases import load_case, read_values
-from ship_trl.sim.suites import Suite, load_suite
-from ship_trl.transfer.casebase import rank
+from ship_trl.sim.suites import Suite, describe, load_suite
+from ship_trl.transfer.casebase import CONFIG, LOCKS, POLICY, POLICY_LAST, rank
 
 # Increase it with every change after which the same settings learn something else, so that results of an
 # older version are not mistaken for results of this one.
@@ -36,8 +41,75 @@ ALGORITHM_VERSION = 3
 VECTOR_VERSION = 2
 # Weights that were learned on the source.
 LEARNED = (SourceWeights.learned, SourceWeights.pretrained)
+# The setting that names a teacher.
+TEACHER = "algorithm.teacher"
 # Prefix of the name of a damaged result folder that a study has kept.
 DAMAGED = "damaged-"
+
+
+@dataclass(frozen=True)
+class Run:
+    """An arm on a target suite with a seed, as `make_run` plans it.
+
+    `source` is the run that trains the source network; None if no source has to be trained. `config_hash` is
+    a digest of everything that decides what is learned: the same hash gives the same network on the same
+    machine and backend. `demonstrations` fill the replay before training. `source_suite` is what the source
+    network learned, if it did and if it can be evaluated without drawing.
+    """
+
+    config: Config
+    target: Suite
+    source: Run | None
+    folder: Path
+    config_hash: str
+    pretrained: Pretrained | None = None
+    demonstrations: tuple[Demonstration, ...] = ()
+    source_suite: Suite | None = None
+
+    @property
+    def arm(self) -> Arm:
+        """Arm of the run."""
+        return self.config.arm
+
+    @property
+    def title(self) -> str:
+        """Title of the run for people, in one line."""
+        config = self.config
+        start = "" if self.arm.is_scratch else f"{describe(str(config.source))} -> "
+        return f"{start}{describe(str(config.target))}, {config.arm_label}, seed {config.seed}"
+
+    @property
+    def evaluation_episodes(self) -> int:
+        """Number of episodes of a greedy evaluation: each case once, or the episodes asked for if drawn."""
+        asked = self.config.learn.evaluate_episodes if self.target.is_drawn else 1
+        return self.target.whole_rounds(asked)
+
+    @property
+    def entry_arm(self) -> str:
+        """Name of its network in the case base: the arm and, after a transfer, the source case."""
+        label = self.config.arm_label
+        return label if self.arm.is_scratch else f"{label}-from-{stem(str(self.config.source))}"
+
+    def stream(self, purpose: str) -> int:
+        """Return the seed of the random stream for one purpose.
+
+        It depends on source and target. Otherwise the new layers of a transfer would get the initial weights
+        of its source, which were trained together with the copied layers.
+        """
+        # The stem, so that a bundled case by name and by path gets the same streams.
+        source = "" if self.arm.is_scratch else self.config.source and stem(self.config.source)
+        words = (self.config.seed, source, self.target.fingerprint, purpose)
+        return int.from_bytes(hashlib.sha256(json.dumps(words).encode()).digest()[:8], "big") >> 1
+
+    def lock(self) -> FileLock:
+        """Return the lock to hold while the run's folder is written; its file is never deleted."""
+        locks = Path(self.config.output) / LOCKS
+        try:
+            locks.mkdir(parents=True, exist_ok=True)
+        except OSError as error:
+            raise ConfigError(f"output: cannot create {locks}: {error.strerror}") from None
+        config = self.config
+        return FileLock(locks / f"{config.label}-{config.arm_label}-{config.seed}.lock")
 
 
 def make_run(config: Config) -> Run:
@@ -179,3 +251,62 @@ def digest_files(config: Config) -> dict[str, str]:
         factor = teacher_factor(config)
         digests["teacher"] = teacher if factor == 1 else f"{teacher} times {factor:g}"
     return digests
+
+
+def find_teacher(config: Config) -> Path | None:
+    """Return the teacher's file, or None for an algorithm without a teacher.
+
+    Raises:
+        ConfigError: there is no such file, or it is in a result folder of another world.
+    """
+    if (name := config.algorithm.get("teacher")) is None:
+        return None
+    if is_pretrained(str(name)) and name != PRETRAINED:
+        return find(str(name), None, TEACHER).file
+    path = Path(str(name))
+    path = path / POLICY if path.is_dir() else path
+    if not path.is_file():
+        raise ConfigError(f"{TEACHER}: no file {path}; allowed: {TEACHERS}")
+    if (known := teacher_config(config)) is not None:
+        ours = dict(flatten(plain(config.world), "world"))
+        there = flatten(plain(read_settings(known.parent)[0]), "world")
+        if others := [f"{key}={value}" for key, value in there if ours[key] != value]:
+            raise ConfigError(
+                f"{TEACHER}: {known.parent} is of another world: {others[0]}; allowed: the same world"
+            )
+    return path
+
+
+def teacher_config(config: Config) -> Path | None:
+    """Return the configuration that a teacher was trained with; None where it is unknown.
+
+    It is in the result folder. A file of another name may lie beside any other config.yaml.
+    """
+    path = Path(str(config.algorithm.get("teacher")))
+    path = (path.parent if path.name in (POLICY, POLICY_LAST) else path) / CONFIG
+    return path if path.is_file() else None
+
+
+def teacher_factor(config: Config) -> float:
+    """Return the factor from the teacher's scaled rewards to the run's; 1 where the teacher's are unknown.
+
+    Raises:
+        ConfigError: the teacher's configuration is invalid.
+    """
+    if is_pretrained(str(config.algorithm.get("teacher"))):
+        return config.learn.reward_scale / REWARD_SCALE
+    if (path := teacher_config(config)) is None:
+        return 1.0
+    key = "learn.reward_scale"
+    scale = read_as(RewardScale, OmegaConf.select(read_yaml(path), key), f"{TEACHER}: {path}: ", key=key)
+    return config.learn.reward_scale / scale
+
+
+def digest_teacher(config: Config) -> str | None:
+    """Return the SHA-256 of the teacher's file; None without a teacher.
+
+    Raises:
+        ConfigError: see `find_teacher`.
+    """
+    path = find_teacher(config)
+    return None if path is None else hashlib.sha256(path.read_bytes()).hexdigest()

@@ -139,8 +139,3 @@ def group_runs(found: Iterable[RunRecord]) -> dict[str, list[RunRecord]]:
         name = f"{runs[0].label} {arm}"
         rows[f"{below}: {name}" if several else name] = sorted(runs, key=lambda one: one.seed)
     return rows
-
-
-def folders_of(found: Iterable[RunRecord]) -> dict[str, list[Path]]:
-    """Return the folders of each group."""
-    return {name: [one.folder for one in runs] for name, runs in group_runs(found).items()}

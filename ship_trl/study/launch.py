@@ -19,16 +19,16 @@ from rich.progress import BarColumn, Progress, TimeElapsedColumn, TimeRemainingC
 
 from ship_trl.config.command import override
 from ship_trl.config.errors import ConfigError
-from ship_trl.config.types import Logger, plain
+from ship_trl.config.types import plain, trackers_of
 from ship_trl.files.curve import CURVE, RunError
-from ship_trl.files.disk import atomic_write, links
+from ship_trl.files.disk import atomic_write
 from ship_trl.files.record import RESULT, RunRecord, read_run
 from ship_trl.grid.launchers import die_with_parent
 from ship_trl.run.checkpoint import FOLDER as CHECKPOINTS
+from ship_trl.run.console import Lines
 from ship_trl.run.plan import DAMAGED
-from ship_trl.run.progress import Lines
 from ship_trl.study.manifest import run_config
-from ship_trl.study.plan import PARTS, Job, StudyConfig, source_folder
+from ship_trl.study.plan import Job, StudyConfig, source_folder
 from ship_trl.study.records.record import read_placed
 from ship_trl.transfer.casebase import POLICY
 
@@ -42,15 +42,8 @@ def write_jobs(jobs: list[Job], config: StudyConfig) -> None:
 
     `python -m ship_trl --config-dir <study>/jobs +job=NAME` runs a job alone. The file holds all settings of
     the study, so the run writes the same files as in the study.
-
-    Raises:
-        ConfigError: a path of the study that would be written or renamed is a link.
     """
     folder = config.folder / JOBS / "job"
-    shared_paths = (folder, *(config.folder / name for name in (LOG, CASE_BASE, *PARTS)))
-    for place in (*shared_paths, *(job.folder(config.folder) for job in jobs)):
-        if linked := links(place, config.folder):
-            raise ConfigError(f"output: {linked[0]} is a link; allowed: only output= itself may be one")
     whole = plain(run_config(config))
     shared, learn = {key: whole[key] for key in SHARED_KEYS}, whole["learn"]
     folder.mkdir(parents=True, exist_ok=True)
@@ -85,7 +78,7 @@ def unfinished(jobs: list[Job], config: StudyConfig) -> list[Job]:
 
 def command(jobs: list[Job], config: StudyConfig) -> list[str]:
     """Return the command of a multirun of these jobs."""
-    wandb = config.wandb if config.logger.includes(Logger.wandb) else None
+    wandb = config.wandb if "wandb" in trackers_of(config.logger) else None
     return [
         *(sys.executable, "-m", "ship_trl", "--multirun"),
         *("--config-dir", str((config.folder / JOBS).absolute())),
@@ -93,7 +86,7 @@ def command(jobs: list[Job], config: StudyConfig) -> list[str]:
         # The runs were checked when they were planned.
         "~hydra.callbacks.check_runs",
         *([f"hydra.launcher.n_jobs={config.processes}"] if config.processes else []),
-        *(f"profile={config.profile}", f"logger={config.logger.name}"),
+        *(f"profile={config.profile}", f"logger={config.logger}"),
         *([override("wandb.project", wandb.project), f"wandb.mode={wandb.mode.name}"] if wandb else []),
         *([override("wandb.entity", wandb.entity)] if wandb and wandb.entity else []),
         *config.overrides,

@@ -27,10 +27,9 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 from ship_trl.config.errors import ConfigError
 from ship_trl.config.paths import is_name
 from ship_trl.files.curve import GREEDY, SHARED, TRAINING, TYPES, RunError, write_curve
-from ship_trl.files.disk import atomic_write, read_file, writing
+from ship_trl.files.disk import MAX_FILE_BYTES, atomic_write, read_file, writing
 from ship_trl.files.record import RunRecord, check_run, from_cells
 from ship_trl.files.table import read_table, rows
-from ship_trl.files.untrusted import Bounded
 from ship_trl.study.manifest import PLAN, read_plan
 from ship_trl.study.plan import PARTS, Job, run_folder
 from ship_trl.study.records.record import read_runs
@@ -43,8 +42,6 @@ COLUMNS = ("run", "kind", "episode", "epsilon", *SHARED)
 DRAW = "draw"
 # The strongest preset that takes less than 100 MB of memory.
 PRESET = 6 | lzma.PRESET_EXTREME
-# Bytes of uncompressed curves: a study of a thousand runs of 5,000 episodes has 0.4 GB.
-MAX_CURVE_BYTES = 4 * 10**9
 # What reading a damaged table raises.
 DAMAGED = (OSError, ValueError, LookupError, TypeError, OverflowError, EOFError, lzma.LZMAError)
 
@@ -96,8 +93,11 @@ def read_curves(path: Path) -> pd.DataFrame:
 
     types = TYPES | {"run": "int64", "kind": "category", "outcome": "category"}
     with lzma.open(path) as file:
-        unpacked = io.BufferedReader(Bounded(file, MAX_CURVE_BYTES))
-        curves = pd.read_csv(unpacked, usecols=list(COLUMNS), dtype=types, index_col=False)
+        # A small file may hold very many bytes.
+        unpacked = file.read(MAX_FILE_BYTES + 1)
+    if len(unpacked) > MAX_FILE_BYTES:
+        raise ValueError(f"unpacked it has more than {MAX_FILE_BYTES} bytes")
+    curves = pd.read_csv(io.BytesIO(unpacked), usecols=list(COLUMNS), dtype=types, index_col=False)
     if not curves["kind"].isin((TRAINING, GREEDY, DRAW)).all():
         raise ValueError(f"kind: must be {TRAINING}, {GREEDY} or {DRAW}")
     return curves

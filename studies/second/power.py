@@ -7,7 +7,7 @@ import pandas as pd
 from scipy import stats
 
 from ship_trl.config.arm import SCRATCH
-from ship_trl.run.table import show
+from ship_trl.run.console import show
 from studies.runs import read_runs
 from studies.second.answers import LEVEL, MARGIN, Sample
 from studies.second.plan import ARMS, PAIRS, SIZES

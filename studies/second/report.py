@@ -13,7 +13,7 @@ from scipy import stats
 
 from ship_trl.config.arm import SCRATCH
 from ship_trl.config.errors import ConfigError
-from ship_trl.run.table import show
+from ship_trl.run.console import show
 from ship_trl.study.report.tables import write_csv
 from studies.runs import read_runs, run_table
 from studies.second.answers import (

@@ -20,7 +20,7 @@ import numpy as np
 import pandas as pd
 
 from ship_trl.config.errors import ConfigError
-from ship_trl.run.table import show
+from ship_trl.run.console import show
 from ship_trl.study.report.tables import write_csv
 from ship_trl.study.statistics import Estimate
 from studies.runs import OUTCOMES, prepare, read_runs, run_table, weights_path

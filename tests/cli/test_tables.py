@@ -10,11 +10,11 @@ import pytest
 
 from ship_trl.cli import ask, cases, evaluate, metrics, results
 from ship_trl.files.record import SourceReturns
-from ship_trl.run import console, table
+from ship_trl.run import console
 from tests.a_result import a_result
 from tests.study.synthetic import write_run, write_study
 
-SHOW = table.show
+SHOW = console.show
 SOURCE = SourceReturns(90.0, 0.0, 0.0, -10.0, -100.0, 100.0)
 
 
@@ -69,7 +69,7 @@ def test_no_number_is_cut(
     def record(headings: Sequence[str], rows: Iterable[Sequence[str]], *more: Any, **options: Any) -> None:
         tables.append(((headings, list(rows), *more), options))
 
-    for module in (ask, cases, console, metrics, results, table):
+    for module in (ask, cases, console, metrics, results):
         monkeypatch.setattr(module, "show", record)
     main([word.replace("+", " ") for word in line.split()])
     capsys.readouterr()

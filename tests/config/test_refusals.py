@@ -59,7 +59,7 @@ WRONG = {
 }
 # Behind `+pair=high layers=3`.
 WRONG_VALUES = {
-    "logger=banana": "logger: must be one of csv, wandb, tensorboard, all, got banana",
+    "logger=banana": "logger: must be one of csv, tensorboard, wandb, all, got banana",
     "objective=banana": "objective: must be one of late, final, best, got banana",
     "wandb.mode=banana": "wandb.mode: must be one of offline, online, got banana",
     "learn.loss=l3": "learn.loss: must be one of l2, huber, got l3",

@@ -40,16 +40,6 @@ def die_at(step: int) -> Callable[[], None]:
     return lambda: before_changes(act)
 
 
-def die_before(word: str) -> Callable[[], None]:
-    """Kill the child before it changes a file whose name holds a word."""
-
-    def act(number: int, event: str, path: str) -> None:
-        if word in Path(path).name:
-            os.kill(os.getpid(), signal.SIGKILL)
-
-    return lambda: before_changes(act)
-
-
 def full_at(step: int) -> Callable[[], None]:
     """Let no file or folder be made any more from a step on, as if the disk were full."""
 

@@ -1,11 +1,10 @@
 """Atomic writes, and files that cannot be read."""
 
-import os
 from pathlib import Path
 
 import pytest
 
-from ship_trl.files.disk import atomic_write, read_file, read_json
+from ship_trl.files.disk import atomic_write, read_json
 
 
 def test_a_file_is_replaced_whole(tmp_path: Path) -> None:
@@ -31,20 +30,6 @@ def test_an_error_leaves_the_old_file_and_no_draft(tmp_path: Path) -> None:
         fail()
     assert path.read_text() == "old"
     assert list(tmp_path.iterdir()) == [path]
-
-
-@pytest.mark.parametrize("kind", ["pipe", "device", "folder"])
-def test_a_pipe_device_or_folder_is_refused_as_a_file(kind: str, tmp_path: Path) -> None:
-    path = tmp_path / "result.json"
-    if kind == "pipe":
-        os.mkfifo(path)
-    elif kind == "device":
-        path.symlink_to("/dev/zero")
-    else:
-        path.mkdir()
-    with pytest.raises(OSError, match="is no file") as raised:
-        read_file(path)
-    assert raised.value.filename == str(path)
 
 
 def test_json_nested_too_deep_is_a_value_error(tmp_path: Path) -> None:

@@ -1,7 +1,6 @@
 """What a result is: written and read the same, and refused by the key that is wrong."""
 
 import json
-from pathlib import Path
 from typing import Any
 
 import pytest
@@ -13,7 +12,6 @@ from ship_trl.files.record import (
     RunError,
     SourceReturns,
     from_json,
-    read_run,
 )
 from tests.a_result import a_result, an_evaluation
 
@@ -29,13 +27,6 @@ def test_it_is_read_as_it_was_written(number: float, layers: Any, dcpa: Any, dra
     made = a_result(layers=layers, best=score, draws=draws, best_known_return=number)
     object.__setattr__(score, "dcpa", dcpa)
     assert from_json(json.loads(json.dumps(made.to_json()))) == made
-
-
-def test_a_file_holds_what_it_says(tmp_path: Path) -> None:
-    a_result().write(tmp_path)
-    assert read_run(tmp_path) == a_result()
-    values = json.loads((tmp_path / "result.json").read_text())
-    assert values["schema_version"] == SCHEMA_VERSION and values["best"]["return"] == 10.0
 
 
 @pytest.mark.parametrize(
@@ -57,24 +48,6 @@ def test_a_file_holds_what_it_says(tmp_path: Path) -> None:
 def test_a_wrong_value_is_named(change: dict[str, Any], said: str) -> None:
     with pytest.raises(RunError, match=said):
         from_json(a_result().to_json() | change)
-
-
-@pytest.mark.parametrize(
-    ("text", "said"),
-    [
-        ("", "cannot be read"),
-        ("[" * 100_000, "cannot be read"),
-        ("[1]", "not a result"),
-        ("{}", "has schema_version None; only 3"),
-        ('{"schema_version": 3}', "pair: missing"),
-    ],
-)
-def test_a_file_that_is_no_result_is_refused(tmp_path: Path, text: str, said: str) -> None:
-    with pytest.raises(RunError, match="is missing"):
-        read_run(tmp_path)
-    (tmp_path / "result.json").write_text(text)
-    with pytest.raises(RunError, match=said):
-        read_run(tmp_path)
 
 
 @pytest.mark.parametrize(("outcome", "rate"), [("goal", 1.0), ("collision", 0.0), ("timeout", 0.0)])

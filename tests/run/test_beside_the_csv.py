@@ -83,13 +83,13 @@ def test_a_stopped_run_is_logged_once(number: signal.Signals, tmp_path: Path) ->
         "import signal\n"
         # A process in the background may ignore it.
         "signal.signal(signal.SIGINT, signal.default_int_handler)\n"
-        "from ship_trl.run import tracking\n"
-        "log, seen = tracking.Tracker.log, []\n"
+        "from ship_trl.run import trackers\n"
+        "log, seen = trackers.Trackers.log, []\n"
         "def counted(tracker, event):\n"
         "    log(tracker, event)\n"
         "    seen.append(event)\n"
         f"    len(seen) != 5 or signal.raise_signal({int(number)})\n"
-        "tracking.Tracker.log = counted"
+        "trackers.Trackers.log = counted"
     )
     stopped = ship_trl(*LINE, folder=tmp_path, code=128 + number, first=first)
     words = "stopped at episode 3 of 6; run the same command again to resume from episode 3"

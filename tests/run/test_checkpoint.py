@@ -1,7 +1,6 @@
 """Two checkpoints are written in turn, and the newest intact one is read."""
 
 import dataclasses
-import pickle
 from collections.abc import Callable
 from pathlib import Path
 
@@ -37,16 +36,6 @@ def written(run: Path, *steps: int) -> Checkpoints:
     return checkpoints
 
 
-def test_what_is_written_is_read(tmp_path: Path) -> None:
-    found, damaged = written(tmp_path, 150).read(ABOUT.config_hash)
-    assert found is not None and damaged == {}
-    about, stored = found
-    assert about == at(150)
-    assert stored.keys() == tensors(150).keys()
-    for name, value in tensors(150).items():
-        assert stored[name].dtype == value.dtype and torch.equal(stored[name], value)
-
-
 def test_two_generations_are_kept_and_the_newest_is_read(tmp_path: Path) -> None:
     checkpoints = written(tmp_path, 30, 60, 90)
     assert sorted(path.name for path in checkpoints.folder.iterdir()) == ["1.safetensors", "2.safetensors"]
@@ -77,22 +66,7 @@ def lie(path: Path) -> None:
     path.write_bytes(changed)
 
 
-def swap(path: Path) -> None:
-    path.write_bytes(pickle.dumps({"weights": [0.0]}))
-
-
-def folder(path: Path) -> None:
-    path.unlink()
-    path.mkdir()
-
-
-def link(path: Path) -> None:
-    """Link to the older checkpoint."""
-    path.unlink()
-    path.symlink_to(path.with_name("1.safetensors"))
-
-
-@pytest.mark.parametrize("damage", [cut, flip, lie, swap, folder, link])
+@pytest.mark.parametrize("damage", [cut, flip, lie])
 def test_a_damaged_checkpoint_is_named_and_the_previous_is_read(
     damage: Callable[[Path], None], tmp_path: Path
 ) -> None:
@@ -107,17 +81,6 @@ def test_a_damaged_checkpoint_is_named_and_the_previous_is_read(
     checkpoints.write(tensors(90), at(90))
     found, _ = checkpoints.read(ABOUT.config_hash)
     assert found is not None and found[0] == at(90)
-
-
-def test_without_a_valid_checkpoint_none_is_returned(tmp_path: Path) -> None:
-    assert (
-        Checkpoints(tmp_path).read(ABOUT.config_hash) == (None, {}) and Checkpoints(tmp_path).about() is None
-    )
-    checkpoints = written(tmp_path, 30, 60)
-    for path in checkpoints.folder.iterdir():
-        flip(path)
-    found, damaged = checkpoints.read(ABOUT.config_hash)
-    assert found is None and len(damaged) == 2
 
 
 def test_a_checkpoint_of_other_settings_is_not_read(tmp_path: Path) -> None:

@@ -2,7 +2,6 @@
 
 from pathlib import Path
 
-import numpy as np
 import pytest
 from hydra import compose, initialize_config_dir
 from PIL import Image
@@ -10,13 +9,8 @@ from PIL import Image
 from ship_trl.config.checks import to_config
 from ship_trl.config.paths import conf_dir
 from ship_trl.files.curve import read_curve, split
-from ship_trl.policies import pretrained
-from ship_trl.policies.demonstrations import write_demonstration
-from ship_trl.policies.reference import best_known
 from ship_trl.run.conclude import scratch_returns
-from ship_trl.run.plan import make_run
-from ship_trl.run.run import Run
-from ship_trl.sim.cases import load_case, load_world
+from ship_trl.run.plan import Run, make_run
 from tests.command import ship_trl
 
 SMOKE = ("profile=smoke", "learn.episodes=3", "learn.warmup_steps=30", "learn.jumpstart_draws=0")
@@ -27,24 +21,12 @@ def run(*words: str) -> Run:
         return make_run(to_config(compose("config", [*words])))
 
 
-@pytest.mark.parametrize(
-    "pair", ["high", *(pytest.param(x, marks=pytest.mark.long) for x in ("low", "lowest"))]
-)
-def test_the_shipped_settings_have_five_seeds(pair: str) -> None:
-    found = scratch_returns(run(f"+pair={pair}", "+arm=FT3"))
+def test_the_shipped_settings_have_five_seeds() -> None:
+    found = scratch_returns(run("+pair=high", "+arm=FT3"))
     assert found is not None and found.shape == (5, 600)
-    of_case = [
-        one["config_hash"]
-        for one in pretrained.read()["runs"]
-        if one["case"] == run(f"+pair={pair}", "+arm=FT3").target.name
-    ]
-    rows = pretrained.training_returns(set(of_case))
-    assert np.isclose(found.mean(), rows["return"].mean())
 
 
-@pytest.mark.parametrize(
-    "change", ["learn.gamma=0.9", "world.safe_distance=50", "learn.episodes=300", "colour=true"]
-)
+@pytest.mark.parametrize("change", ["learn.gamma=0.9", "world.safe_distance=50"])
 def test_other_settings_have_none(change: str) -> None:
     assert scratch_returns(run("+pair=high", "+arm=FT3", change)) is None
 
@@ -69,14 +51,3 @@ def test_an_own_scratch_run_is_drawn_beside_a_transfer(tmp_path: Path) -> None:
     # A truncated curve is skipped.
     (path / "curve.csv").write_text("".join((path / "curve.csv").read_text().splitlines(keepends=True)[:-2]))
     assert scratch_returns(run(*line, "output=runs")) is None
-
-
-def test_a_run_with_demonstrations_is_not_compared_with_runs_without_them(tmp_path: Path) -> None:
-    world = load_world()
-    case = load_case("4", world)
-    plan = best_known(case, world)
-    write_demonstration(
-        tmp_path / "demos", case, world, plan.actions, (plan.episode_return, "goal"), "planner"
-    )
-    assert scratch_returns(run("+pair=low", "+arm=FT3")) is not None
-    assert scratch_returns(run("+pair=low", "+arm=FT3", "demonstrations=demos")) is None

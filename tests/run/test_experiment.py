@@ -8,12 +8,11 @@ from typing import Any
 import pytest
 
 from ship_trl.files.curve import read_curve, split
-from ship_trl.files.record import RunRecord, read_run
+from ship_trl.files.record import RunRecord
 from ship_trl.run import experiment
 from ship_trl.run.experiment import find_source, run_experiment
 from ship_trl.run.folder import TakenError, find_result
-from ship_trl.run.plan import make_run
-from ship_trl.run.run import Run
+from ship_trl.run.plan import Run, make_run
 from tests.a_result import a_result
 from tests.config.test_config import composed
 
@@ -76,21 +75,6 @@ def test_where_holding_course_is_best_the_end_says_so(
     result.write(run.folder)
     run_experiment(run)
     assert ("in case 2 holding course is best" in capsys.readouterr().out) == is_said
-
-
-def test_a_suite_is_trained_once_as_the_source_of_two_targets(tmp_path: Path) -> None:
-    line = ("profile=smoke", "learn.episodes=2", "learn.jumpstart_draws=2", f"output={tmp_path}")
-    first = run_experiment(make_run(composed(*line, "source=paper", "target=4", "layers=2")))
-    source = tmp_path / "paper/scratch/seed=0"
-    (entry,) = (tmp_path / "case_base/paper").rglob("entry.json")
-    written = (source / "result.json").stat().st_mtime_ns
-    second = run_experiment(make_run(composed(*line, "source=paper", "target=2", "layers=2")))
-    assert (source / "result.json").stat().st_mtime_ns == written
-    assert first.source_network == second.source_network == str(entry.with_name("policy.safetensors"))
-    result = read_run(source)
-    assert (result.target, result.final.episodes, first.final.episodes) == ("paper", 7, 1)
-    assert result.final.success_rate * 7 == pytest.approx(round(result.final.success_rate * 7))
-    assert result.best_known_return == pytest.approx(67.8, abs=0.1)
 
 
 def test_a_perturbed_run_has_no_best_known_return_and_evaluates_alike(

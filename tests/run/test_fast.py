@@ -28,9 +28,3 @@ def test_a_whole_run_needs_no_numba(tmp_path: Path) -> None:
     assert read_run(folder).backend == "dense"
     values = yaml.safe_load((folder / "config.yaml").read_text())
     assert values["fast"] is False and values["learn"]["backend"] == "dense"
-
-
-def test_compiled_loops_need_numba(tmp_path: Path) -> None:
-    first = "import sys; sys.modules['numba'] = None"
-    done = ship_trl(*LINE, folder=tmp_path, first=first, new_process=True, code=1)
-    assert "numba" in done.stderr

@@ -3,16 +3,16 @@
 import resource
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
 
-from ship_trl.cli.errors import hydra_errors
 from ship_trl.config.errors import ConfigError
 from ship_trl.run.folder import open_folder
 from ship_trl.run.history import to_row
 from ship_trl.run.plan import make_run
-from ship_trl.run.tracking import CsvTracker
+from ship_trl.run.trackers.csv import CsvTracker
 from ship_trl.transfer.weights import save_weights
 from tests.a_result import a_result
 from tests.config.test_config import composed
@@ -32,11 +32,13 @@ def largest_file(size: int) -> Iterator[None]:
 
 
 def write_curve(folder: Path) -> None:
-    tracker = CsvTracker(folder)
+    run = make_run(composed("target=1", "method=scratch", f"output={folder}"))
+    tracker = CsvTracker(replace(run, folder=folder))
+    tracker.begin()
     try:
         tracker.log(to_row(FINISHED))
     finally:
-        tracker.close()
+        tracker.close(failed=True)
 
 
 WRITERS: dict[str, Callable[[Path], None]] = {
@@ -59,17 +61,3 @@ def test_a_folder_that_cannot_be_written_is_refused(tmp_path: Path) -> None:
     run = make_run(composed("target=1", "method=scratch", f"output={tmp_path}"))
     with pytest.raises(ConfigError, match=r"config\.yaml cannot be written: File too"), largest_file(10):
         open_folder(run)
-
-
-@pytest.mark.parametrize(
-    ("files", "named"),
-    [(("curve.csv",), "curve.csv"), ((), "a file"), (("a.json", None, "b.json"), "b.json")],
-)
-def test_an_error_of_the_file_system_is_one_line(
-    files: tuple[str, ...], named: str, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
-) -> None:
-    monkeypatch.setenv("HYDRA_FULL_ERROR", "0")
-    with pytest.raises(SystemExit) as ended, hydra_errors():
-        raise OSError(28, "No space left", *files)
-    assert ended.value.code == 1
-    assert capsys.readouterr().err == f"ship_trl: {named}: No space left\n"

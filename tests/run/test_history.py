@@ -33,14 +33,6 @@ def test_rows_are_read_as_they_were(episodes: list[Finished]) -> None:
     assert from_csv(to_csv(rows)) == rows
 
 
-def test_episodes_of_an_algorithm_without_epsilon_are_whole() -> None:
-    history = History(nn.Linear(1, 1))  # type: ignore[arg-type]
-    finished = Finished(1, 30, math.nan, 5.0, 30, "goal", 60.0, None)
-    history.rows = from_csv(to_csv([to_row(finished)]))
-    (found,) = history.finished
-    assert math.isnan(found.epsilon) and found.episode_return == 5.0
-
-
 def episode(outcome: str, episode_return: float, dcpa: float) -> Episode:
     made = torch.zeros(3, 4), torch.zeros(2, dtype=torch.int64), None, torch.tensor([0.0, episode_return])
     return Episode(*made, outcome == "goal", outcome == "collision", dcpa)
@@ -64,8 +56,6 @@ def test_evaluations_are_read_back_from_rows() -> None:
     assert history.evaluated == [summarise(event)] and history.source_returns == []
     history.rows = from_csv(to_csv([to_row(replace(event, source_return=-0.125))]))
     assert history.evaluated == [summarise(event)] and history.source_returns == [-0.125]
-    # A checkpoint from before there was this column.
-    assert from_csv(to_csv([to_row(event)]).rstrip(",\n") + "\n") == [to_row(event)]
 
 
 def test_the_best_evaluation_has_the_highest_mean_return_and_of_equals_is_the_latest() -> None:

@@ -12,8 +12,8 @@ from ship_trl.learn.double_dqn import build
 from ship_trl.learn.network import DuelingNetwork
 from ship_trl.policies.demonstrations import write_demonstration
 from ship_trl.policies.reference import best_known
-from ship_trl.run.parts import show_demonstrations
 from ship_trl.run.plan import make_run
+from ship_trl.run.setup import show_demonstrations
 from ship_trl.sim.cases import load_case, load_world
 from tests.learn.worlds import fast_setup
 

@@ -12,8 +12,7 @@ from rich.console import Console
 
 from ship_trl.learn.train import Evaluated, Finished
 from ship_trl.run import console
-from ship_trl.run import progress as run_progress
-from ship_trl.run.progress import Lines
+from ship_trl.run.console import Lines
 from ship_trl.study import launch as progress
 from ship_trl.study.plan import plan_jobs, to_study
 from tests.run.test_tracking import EPISODE
@@ -45,14 +44,6 @@ def test_a_run_without_a_terminal_prints_lines(capsys: pytest.CaptureFixture[str
     assert lines[0] == "episode 1 of 100, return -1.2, greedy -3.5" and len(lines) == 21
     assert [" left" in line for line in lines[:6]] == [False] * 4 + [True] * 2, "a pace of the warm-up alone"
     assert re.fullmatch(r"episode 50 of 100, return -1\.2, greedy -3\.5, about \d+ s left", lines[10])
-
-
-def test_a_run_of_a_grid_names_itself_in_its_lines(capsys: pytest.CaptureFixture[str]) -> None:
-    list(console.progress("made", 100, events(100), "3 of 40"))
-    lines = capsys.readouterr().out.splitlines()
-    assert [line.split(",")[0] for line in lines] == [
-        f"3 of 40: made: episode {k} of 100" for k in (25, 50, 75, 100)
-    ]
 
 
 def test_a_terminal_has_a_bar_and_no_lines(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
@@ -111,10 +102,10 @@ def test_a_study_without_a_terminal_prints_lines(
 def test_things_in_turn_leave_a_line_each_where_there_is_no_terminal(
     monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    monkeypatch.setattr(run_progress, "LINE_SECONDS", 0.0)
-    assert list(run_progress.track("episodes", ["a", "b", "c"])) == ["a", "b", "c"]
+    monkeypatch.setattr(console, "LINE_SECONDS", 0.0)
+    assert list(console.track("episodes", ["a", "b", "c"])) == ["a", "b", "c"]
     printed = capsys.readouterr()
     lines = [line.split(",")[0] for line in printed.err.splitlines()]
     assert lines == ["episodes: 1 of 3 done", "episodes: 2 of 3 done"] and printed.out == ""
-    assert list(run_progress.track("episodes", ["a"])) == ["a"]
+    assert list(console.track("episodes", ["a"])) == ["a"]
     assert capsys.readouterr().err == ""

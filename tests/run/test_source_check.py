@@ -3,7 +3,6 @@
 import dataclasses
 import re
 from itertools import pairwise
-from pathlib import Path
 
 import pandas as pd
 import pytest
@@ -11,11 +10,9 @@ import pytest
 from ship_trl.config.types import Schedule
 from ship_trl.files.curve import CURVE
 from ship_trl.files.record import read_run
-from ship_trl.policies.pretrained import networks
 from ship_trl.run.experiment import run_experiment
-from ship_trl.run.plan import make_run
-from ship_trl.run.run import Run
-from ship_trl.run.source import MAX_EVALUATIONS, SourceCheck
+from ship_trl.run.plan import Run, make_run
+from ship_trl.run.setup import MAX_EVALUATIONS, SourceCheck
 from tests.command import files
 from tests.config.test_config import composed
 
@@ -68,20 +65,6 @@ def test_what_is_learned_has_the_same_bits_without_it(
 
 
 @pytest.mark.parametrize(
-    ("words", "is_measured"),
-    [
-        (("+arm=QR", "source_weights=pretrained"), True),
-        (("+arm=FT3", "world.actions=[[15,0],[7.5,0.1],[7.5,-0.1]]"), False),
-    ],
-)
-def test_a_source_of_other_actions_is_not_measured(words: tuple[str, ...], is_measured: bool) -> None:
-    file = next(one.file for one in networks() if one.name == "1")
-    given = () if is_measured else (f"source_file={file}",)
-    line = ("profile=smoke", "source=1", "target=2", "learn.jumpstart_draws=1", *words, *given)
-    assert (run_experiment(planned(*line)).on_source is not None) == is_measured
-
-
-@pytest.mark.parametrize(
     "words",
     [
         ("target=4", "method=scratch"),
@@ -92,14 +75,3 @@ def test_a_source_of_other_actions_is_not_measured(words: tuple[str, ...], is_me
 )
 def test_where_no_source_was_learned_or_it_is_drawn_there_is_nothing_to_measure(words: tuple[str]) -> None:
     assert planned(*words).source_suite is None
-
-
-def test_each_case_of_a_suite_is_measured_once() -> None:
-    suite = planned("source=imazu", "target=4", "+arm=FT3").source_suite
-    assert suite is not None and len(suite.cases) > 1
-
-
-def test_a_run_of_a_file_is_measured_on_the_case_that_it_names() -> None:
-    Path("mine.safetensors").touch()
-    suite = planned("+pair=high", "+arm=FT3", "source_file=mine.safetensors").source_suite
-    assert suite is not None and suite.name == "1"

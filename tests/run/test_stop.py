@@ -5,14 +5,13 @@ import pickle
 import signal
 import subprocess
 import sys
-import threading
 import time
 from collections.abc import Callable, Iterator
 from pathlib import Path
 
 import pytest
 
-from ship_trl.run.stop import StoppedError, stop_on_signal
+from ship_trl.run.process import StoppedError, stop_on_signal
 from ship_trl.study.launch import last_episode
 from tests.command import environment
 
@@ -42,44 +41,14 @@ def test_a_second_ctrl_c_acts_at_once() -> None:
     assert signal.getsignal(signal.SIGINT) is signal.default_int_handler
 
 
-def test_a_sigterm_after_ctrl_c_is_not_a_second_ctrl_c() -> None:
-    with stop_on_signal() as stop:
-        signal.raise_signal(signal.SIGINT)
-        signal.raise_signal(signal.SIGTERM)
-        assert stop.asked is signal.SIGINT
-
-
-def test_a_signal_that_was_ignored_stays_ignored() -> None:
-    before = signal.signal(signal.SIGINT, signal.SIG_IGN)
-    try:
-        with stop_on_signal() as stop:
-            signal.raise_signal(signal.SIGINT)
-    finally:
-        signal.signal(signal.SIGINT, before)
-    assert stop.asked is None
-
-
 def test_a_pool_can_pickle_the_error() -> None:
     error = pickle.loads(pickle.dumps(StoppedError("stopped", signal.SIGTERM)))
     assert (str(error), error.number) == ("stopped", signal.SIGTERM)
 
 
-def test_outside_the_main_thread_it_changes_nothing() -> None:
-    before, seen = signal.getsignal(signal.SIGTERM), []
-
-    def work() -> None:
-        with stop_on_signal() as stop:
-            seen.append((stop.asked, signal.getsignal(signal.SIGTERM)))
-
-    thread = threading.Thread(target=work)
-    thread.start()
-    thread.join()
-    assert seen == [(None, before)]
-
-
 def test_a_process_ends_as_if_the_signal_killed_it() -> None:
     code = (
-        "import signal; from ship_trl.run.stop import end_by_signal\n"
+        "import signal; from ship_trl.run.process import end_by_signal\n"
         "print('last words'); end_by_signal(signal.SIGTERM)"
     )
     done = subprocess.run(

@@ -4,7 +4,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from ship_trl.run.table import GAP, MIN_WIDTH, show, split
+from ship_trl.run.console import GAP, MIN_WIDTH, show, split
 
 WORDS = st.text(st.characters(codec="ascii", categories=("L", "N", "P")), min_size=1, max_size=12)
 CELLS = st.lists(WORDS, min_size=1, max_size=4).map(" ".join)

@@ -15,10 +15,10 @@ from ship_trl.config.types import Config
 from ship_trl.fast.worlds import make_env
 from ship_trl.learn.network import make_network
 from ship_trl.policies.named import load_with_network
-from ship_trl.policies.pretrained import REWARD_SCALE, find
+from ship_trl.policies.pretrained import find
 from ship_trl.run.experiment import run_experiment
 from ship_trl.run.plan import make_run
-from ship_trl.run.teacher import read_teacher
+from ship_trl.run.setup import read_teacher
 from ship_trl.sim.cases import load_case, load_world
 from ship_trl.sim.state import initial_state
 from ship_trl.transfer.casebase import POLICY
@@ -93,11 +93,6 @@ def test_a_result_folder_has_the_runs_world_and_its_own_scale_of_rewards(tmp_pat
     OmegaConf.save(OmegaConf.structured(config), tmp_path / "config.yaml")
     with pytest.raises(ConfigError, match=r"of another world: world.turn_time=0.0; allowed: the same world"):
         make_run(pupil(tmp_path, "world.turn_time=4"))
-
-
-@pytest.mark.parametrize("profile", ["quick", "traffic"])
-def test_bundled_networks_have_learned_from_rewards_of_their_scale(profile: str) -> None:
-    assert composed("target=4", "method=scratch", f"profile={profile}").learn.reward_scale == REWARD_SCALE
 
 
 @pytest.mark.parametrize(

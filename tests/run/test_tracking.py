@@ -2,6 +2,7 @@
 
 import csv
 import math
+from dataclasses import replace
 from pathlib import Path
 
 import torch
@@ -10,7 +11,8 @@ from ship_trl.learn.rollout import Episode
 from ship_trl.learn.train import Evaluated, Finished
 from ship_trl.run.history import to_numbers, to_row
 from ship_trl.run.plan import make_run
-from ship_trl.run.tracking import CsvTracker, Tracker
+from ship_trl.run.trackers import Trackers
+from ship_trl.run.trackers.csv import CsvTracker
 from tests.config.test_config import composed
 
 EPISODE = Episode(
@@ -34,13 +36,15 @@ def test_numbers_are_named_by_chart() -> None:
 
 
 def test_csv_keeps_every_digit_and_is_flushed_after_each_row(tmp_path: Path) -> None:
-    tracker = CsvTracker(tmp_path)
+    run = make_run(composed("target=1", "method=scratch"))
+    tracker = CsvTracker(replace(run, folder=tmp_path))
+    tracker.begin()
     tracker.log(to_row(FINISHED))
     with (tmp_path / "curve.csv").open() as file:  # before it is closed
         (first,) = csv.DictReader(file)
     assert float(first["return"]) == 0.1 + 0.2 and first["loss"] == "" and first["dcpa"] == ""
     tracker.log(to_row(Evaluated(3, 90, [EPISODE])))
-    tracker.close()
+    tracker.close(failed=False)
     with (tmp_path / "curve.csv").open() as file:
         rows = list(csv.DictReader(file))
     assert rows[1]["greedy_outcome"] == "collision" and rows[1]["return"] == ""
@@ -50,7 +54,7 @@ def test_a_new_run_replaces_an_unfinished_one(tmp_path: Path) -> None:
     run = make_run(composed("target=1", "method=scratch", f"output={tmp_path}"))
     run.folder.mkdir(parents=True)
     (run.folder / "curve.csv").write_text("left over")
-    with Tracker(run) as tracker:
+    with Trackers(run) as tracker:
         tracker.log(FINISHED)
     assert sorted(p.name for p in run.folder.iterdir()) == ["checkpoint", "config.yaml", "curve.csv"]
     assert "left over" not in (run.folder / "curve.csv").read_text()

@@ -1,6 +1,5 @@
 """A stopped training resumes and ends with the same bits as an uninterrupted one."""
 
-import dataclasses
 import json
 import re
 import shutil
@@ -9,23 +8,20 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any, cast
 
-import numpy as np
 import pytest
 import torch
 
 from ship_trl.config.errors import ConfigError
-from ship_trl.config.types import Perturbation
 from ship_trl.files.curve import read_curve
 from ship_trl.learn.double_dqn import DoubleDQN
-from ship_trl.run import training
-from ship_trl.run.checkpoint import FOLDER, About, Checkpoints
+from ship_trl.run import experiment
+from ship_trl.run.checkpoint import FOLDER, Checkpoints
 from ship_trl.run.experiment import run_experiment
 from ship_trl.run.folder import TakenError
-from ship_trl.run.parts import Parts
 from ship_trl.run.plan import make_run
-from ship_trl.run.stop import StoppedError
-from ship_trl.run.tracking import Tracker
-from ship_trl.sim.suites import suite_of
+from ship_trl.run.process import StoppedError
+from ship_trl.run.setup import Parts
+from ship_trl.run.trackers import Trackers
 from tests.command import files
 from tests.config.test_config import composed
 
@@ -45,16 +41,16 @@ def after(monkeypatch: pytest.MonkeyPatch) -> Callable[[int, Callable[[], Any]],
     """Call a function when a training has logged a number of events."""
 
     def happen(events: int, act: Callable[[], Any]) -> None:
-        log, seen = Tracker.log, 0
+        log, seen = Trackers.log, 0
 
-        def counted(tracker: Tracker, event: Any) -> None:
+        def counted(tracker: Trackers, event: Any) -> None:
             nonlocal seen
             log(tracker, event)
             seen += 1
             if seen == events:
                 act()
 
-        monkeypatch.setattr(training.Tracker, "log", counted)
+        monkeypatch.setattr(Trackers, "log", counted)
 
     return happen
 
@@ -188,23 +184,6 @@ def test_it_resumes_from_the_checkpoint_before_a_damaged_one(
     assert re.search(rf"episode {newest.episode} of 9, return \S+, greedy -?\d", said)
 
 
-def test_a_signal_during_the_last_checkpoint_stops_it_too(
-    whole: dict[str, Any], monkeypatch: pytest.MonkeyPatch
-) -> None:
-    write = Checkpoints.write
-
-    def last(checkpoints: Checkpoints, tensors: Any, about: About) -> None:
-        write(checkpoints, tensors, about)
-        if about.episode == 9:
-            signal.raise_signal(signal.SIGTERM)
-
-    monkeypatch.setattr(Checkpoints, "write", last)
-    with pytest.raises(StoppedError, match="stopped at episode 9 of 9"):
-        train("other", *SCRATCH)
-    monkeypatch.setattr(Checkpoints, "write", write)
-    assert left(train("other", *SCRATCH)) == whole
-
-
 def test_an_unfinished_run_of_other_settings_is_not_lost(
     after: Callable[[int, Callable[[], Any]], None],
 ) -> None:
@@ -242,44 +221,17 @@ def test_other_arithmetic_is_refused_and_a_grid_starts_over(
     assert "the run starts over" in capsys.readouterr().out
 
 
-WRONG = [
-    ("training.counters", torch.tensor(3)),
-    ("training.counters", torch.tensor([5.0, 300.0, 10.0])),
-    ("training.returns", torch.zeros(7)),
-    ("training.algorithm.replay.generator", torch.zeros(16)),
-    ("curve", torch.tensor([255], dtype=torch.uint8)),
-    ("curve", torch.from_numpy(np.frombuffer(b"episode,return\n1,2,3\n", dtype=np.uint8).copy())),
-]
-
-
-def test_a_whole_checkpoint_of_other_contents_is_refused(
-    after: Callable[[int, Callable[[], Any]], None],
-) -> None:
-    train_and_kill(after, "out", *SCRATCH)
-    checkpoints = Checkpoints(Path("out/4/scratch/seed=0"))
-    found, _ = checkpoints.read(make_run(composed(*LINE, *SCRATCH)).config_hash)
-    assert found is not None
-    about, tensors = found
-    for name, wrong in WRONG:
-        assert name in tensors
-        for _ in range(2):
-            checkpoints.write(tensors | {name: wrong}, about)
-        words = r"was not written by this program .* delete out/4/scratch/seed=0"
-        with pytest.raises(ConfigError, match=words):
-            train("out", *SCRATCH)
-
-
 def test_a_loss_that_is_not_finite_ends_it_and_keeps_the_last_good_checkpoint(
     whole: dict[str, Any], after: Callable[[int, Callable[[], Any]], None], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     made: list[Parts] = []
-    make = training.make_parts
+    make = experiment.make_parts
 
     def make_parts(*given: Any) -> Parts:
         made.append(make(*given))
         return made[-1]
 
-    monkeypatch.setattr(training, "make_parts", make_parts)
+    monkeypatch.setattr(experiment, "make_parts", make_parts)
 
     def spoil() -> None:
         with torch.no_grad():
@@ -304,12 +256,3 @@ def test_a_full_disk_costs_the_checkpoint_and_not_the_training(
     monkeypatch.setattr(Checkpoints, "write", full)
     assert left(train("other", *SCRATCH)) == whole
     assert "no checkpoint at episode 1: No space left on device" in capsys.readouterr().out
-
-
-def test_a_perturbation_that_is_too_large_is_refused_before_training() -> None:
-    run = make_run(composed(*LINE, "target=1", "method=scratch", "world.goal_distance=599", "output=out"))
-    near = dataclasses.replace(run.target.case, goal=[0.0, 590.0])
-    tight = dataclasses.replace(run, target=suite_of(near, Perturbation(own_position=0.5)))
-    with pytest.raises(ConfigError, match=r"^suite 1: perturbation: too large, as nearly every start is"):
-        run_experiment(tight)
-    assert not tight.folder.exists()

@@ -8,12 +8,12 @@ from typing import Any
 import pytest
 
 from ship_trl.config.errors import ConfigError
-from ship_trl.config.types import Logger
+from ship_trl.config.types import trackers_of
 from ship_trl.run.checkpoint import FOLDER
 from ship_trl.run.history import to_row
 from ship_trl.run.plan import make_run
-from ship_trl.run.tracking import Tracker
-from ship_trl.run.wandb_tracker import WandbTracker, begin_wandb
+from ship_trl.run.trackers import Trackers
+from ship_trl.run.trackers.wandb import WandbTracker, start
 from tests.config.test_config import composed
 from tests.run.test_tracking import FINISHED
 
@@ -73,7 +73,7 @@ def tracker(*overrides: str) -> WandbTracker:
     run = make_run(composed(*LINE, *overrides))
     (run.folder / FOLDER).mkdir(parents=True, exist_ok=True)
     found = WandbTracker(run)
-    found.remember()
+    found.begin()
     return found
 
 
@@ -89,7 +89,7 @@ def test_without_a_network_or_with_a_wrong_key_it_logs_offline(
 def test_a_wandb_refusal_comes_before_training(server: Server) -> None:
     server.fails["offline"] = Error("no such project")
     with pytest.raises(ConfigError, match=r"wandb: no such project; logger=csv trains without wandb"):
-        begin_wandb(make_run(composed(*LINE)))
+        start(make_run(composed(*LINE)))
 
 
 @pytest.mark.parametrize("error", [OSError(28, "No space left"), Error("no space left on it")])
@@ -97,7 +97,7 @@ def test_on_a_full_disk_the_run_continues_without_wandb(
     error: Exception, server: Server, capsys: pytest.CaptureFixture[str]
 ) -> None:
     server.fails["offline"] = error
-    assert begin_wandb(make_run(composed(*LINE))) is None
+    assert start(make_run(composed(*LINE))) is None
     assert capsys.readouterr().out.endswith("; the run continues without wandb\n")
 
 
@@ -112,12 +112,6 @@ def test_a_later_failure_is_reported_once_and_ends_nothing(
     found.close(failed=False)
     said = capsys.readouterr().out
     assert said.count("the run continues without wandb") == 1
-
-
-def test_every_wait_has_a_timeout(server: Server) -> None:
-    tracker()
-    settings = server.begun[0]["settings"]
-    assert 0 < settings["init_timeout"] <= 60 and 0 < settings["finish_timeout"] <= 300
 
 
 def test_offline_a_resumed_run_replaces_its_first_part(server: Server) -> None:
@@ -140,12 +134,6 @@ def test_online_a_resumed_run_keeps_its_id_and_logs_nothing_twice(server: Server
     assert len(server.logged) == 5
 
 
-def test_other_settings_are_another_run(server: Server) -> None:
-    tracker()
-    tracker("learn.lr=1e-3")
-    assert server.begun[0]["id"] != server.begun[1]["id"] and len(list(server.root.glob("wandb/*"))) == 2
-
-
 @pytest.mark.parametrize(("mode", "begun"), [("disabled", 0), ("online", 1), (None, 1)])
 def test_of_wandbs_own_variable_only_disabled_counts(
     mode: str | None, begun: int, server: Server, monkeypatch: pytest.MonkeyPatch
@@ -155,7 +143,7 @@ def test_of_wandbs_own_variable_only_disabled_counts(
     else:
         monkeypatch.setenv("WANDB_MODE", mode)
     for logger in ("csv", "wandb"):
-        with Tracker(make_run(composed(*LINE, f"logger={logger}", f"output={logger}"))) as tracked:
+        with Trackers(make_run(composed(*LINE, f"logger={logger}", f"output={logger}"))) as tracked:
             tracked.log(FINISHED)
     assert [one["mode"] for one in server.begun] == ["offline"] * begun
-    assert Logger.all.includes(Logger.tensorboard) and Logger.all.includes(Logger.wandb) == bool(begun)
+    assert trackers_of("all") == ["csv", "tensorboard", *["wandb"] * begun]

@@ -7,7 +7,7 @@ from pathlib import Path
 
 from ship_trl.config.errors import print_error
 from ship_trl.files.curve import RunError
-from ship_trl.files.record import RESULT, RunRecord, read_whole
+from ship_trl.files.record import RESULT, RunRecord, read_whole, with_curve
 from ship_trl.study.plan import PARTS
 
 # Fields of a result, beside the settings, that may change digits.
@@ -16,14 +16,14 @@ COMPUTED = ("ship_trl", "torch", "device", "precision", "backend", "processor")
 NO_PART = "is no part of a study"
 
 
-def read_groups(groups: Mapping[str, Sequence[Path]]) -> Iterator[tuple[str, RunRecord]]:
-    """Yield the runs in the folders of each group, with its name; name those that are not whole on stderr."""
-    for name, folders in groups.items():
-        for folder in folders:
+def read_groups(groups: Mapping[str, Sequence[RunRecord]]) -> Iterator[tuple[str, RunRecord]]:
+    """Yield the runs of each group with their curves and its name; name those not whole on stderr."""
+    for name, runs in groups.items():
+        for run in runs:
             try:
-                yield name, read_whole(folder)
+                yield name, with_curve(run)
             except RunError as error:
-                print_error(f"{folder}: {error}; left out")
+                print_error(f"{run.folder}: {error}; left out")
 
 
 def read_placed(folder: Path, part: str = "") -> RunRecord:

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import re
 from collections.abc import Iterable, Iterator, Mapping, Sequence
-from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -32,8 +31,8 @@ STABILITY_HEADINGS = (
 NEAR_BEST = 0.1
 
 
-def transfer_rows(groups: Mapping[str, Sequence[Path]]) -> Iterator[list[str]]:
-    """Yield a row of transfer metrics for each group of run folders; its name holds pair, arm and settings.
+def transfer_rows(groups: Mapping[str, Sequence[RunRecord]]) -> Iterator[list[str]]:
+    """Yield a row of transfer metrics for each group of runs; its name holds pair, arm and settings.
 
     An arm is compared with runs from scratch of the same settings.
     """
@@ -65,7 +64,7 @@ def describe_scales(runs: Iterable[RunRecord]) -> str:
     return "".join(sorted(lines)) + "areas over training episodes; forward transfer: paired by seed\n"
 
 
-def measure_runs(groups: Mapping[str, Sequence[Path]]) -> Iterator[dict[str, Any]]:
+def measure_runs(groups: Mapping[str, Sequence[RunRecord]]) -> Iterator[dict[str, Any]]:
     """Yield every metric of every run, and its best and last greedy return as shares of the best known.
 
     A run that cannot be read is named on stderr and left out.

@@ -7,7 +7,7 @@ import os
 from typing import Any
 
 from ship_trl.config.errors import ConfigError
-from ship_trl.config.types import Logger, WandbMode
+from ship_trl.config.types import WandbMode, trackers_of
 from ship_trl.study.plan import StudyConfig
 
 REPORT = "report"
@@ -20,7 +20,7 @@ def check_account(config: StudyConfig) -> None:
     Raises:
         ConfigError: wandb is to be online, and has no key.
     """
-    if not config.logger.includes(Logger.wandb):
+    if "wandb" not in trackers_of(config.logger):
         return
     os.environ.setdefault("WANDB_SILENT", "true")
     import wandb
@@ -35,7 +35,7 @@ def log_summary(config: StudyConfig) -> None:
     Raises:
         ConfigError: wandb refuses.
     """
-    if not config.logger.includes(Logger.wandb):
+    if "wandb" not in trackers_of(config.logger):
         return
     import pandas as pd
     import wandb

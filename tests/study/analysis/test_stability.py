@@ -7,18 +7,19 @@ import numpy as np
 import pytest
 
 from ship_trl.cli.results import main
+from ship_trl.files.record import RunRecord, read_run
 from ship_trl.study.report.runs import STABILITY_HEADINGS, measure_runs, stability_rows
 from tests.a_result import an_evaluation
 from tests.study.synthetic import BEST, write_run
 
 
-def result(folder: Path, scores: list[float], seed: int) -> Path:
+def result(folder: Path, scores: list[float], seed: int) -> RunRecord:
     # A score of 1 is the best known return, 0.9 a return of half of it.
     best = an_evaluation(BEST)
-    return write_run(folder, np.array(scores), seed=seed, every=5, best=best, final=best)
+    return read_run(write_run(folder, np.array(scores), seed=seed, every=5, best=best, final=best))
 
 
-def table(groups: dict[str, list[Path]]) -> list[list[str]]:
+def table(groups: dict[str, list[RunRecord]]) -> list[list[str]]:
     return list(stability_rows(list(measure_runs(groups))))
 
 
@@ -40,7 +41,7 @@ def test_one_run_has_no_spread_and_a_broken_one_is_named(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     broken = result(tmp_path, [1.0] * 20, 1)
-    (broken / "curve.csv").write_text("episode")
+    (broken.folder / "curve.csv").write_text("episode")
     found = table({"a": [result(tmp_path, [1.0] * 20, 0), broken], "b": [broken]})
     assert [line[0] for line in found] == ["a"] and "±" not in "".join(found[0])
     assert capsys.readouterr().err.count("curve.csv") == 2

@@ -15,7 +15,7 @@ import pytest
 
 from ship_trl.cli.report import main
 from ship_trl.files.record import SourceReturns
-from ship_trl.run import progress
+from ship_trl.run import console
 from ship_trl.study.metrics import LATER
 from ship_trl.study.report import write
 from ship_trl.study.study import Study
@@ -180,7 +180,7 @@ def test_a_report_is_written_through_no_link(tmp_path: Path, capsys: pytest.Capt
 def test_a_report_shows_how_far_it_is(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    monkeypatch.setattr(progress, "LINE_SECONDS", 0.0)
+    monkeypatch.setattr(console, "LINE_SECONDS", 0.0)
 
     def draw_half(study: Study, output: Path, show: Callable[[float], None]) -> list[dict[str, str]]:
         show(0.5)

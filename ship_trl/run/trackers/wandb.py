@@ -12,19 +12,19 @@ from typing import Any, Literal
 
 from ship_trl.config.errors import ConfigError
 from ship_trl.config.types import WandbMode, plain
-from ship_trl.files.disk import DISK, atomic_write, links, read_file
+from ship_trl.files.disk import DISK, atomic_write, read_file
 from ship_trl.files.record import RunRecord
 from ship_trl.run import console
 from ship_trl.run.checkpoint import FOLDER
 from ship_trl.run.history import Row, to_numbers
-from ship_trl.run.run import Run
+from ship_trl.run.plan import Run
 
 # Seconds to wait for the network when a run starts, and for the upload when it ends.
 INIT_TIMEOUT, FINISH_TIMEOUT = 30.0, 120.0
 MAX_NOTE_BYTES = 1000
 
 
-def begin_wandb(run: Run) -> WandbTracker | None:
+def start(run: Run) -> WandbTracker | None:
     """Start a run in wandb; on a full disk print a message and return None.
 
     Raises:
@@ -58,31 +58,29 @@ class WandbTracker:
     def __init__(self, run: Run) -> None:
         os.environ.setdefault("WANDB_SILENT", "true")
 
+        self._run = run
         self._note = run.folder / FOLDER / "wandb"
         self._config_hash = run.config_hash
         self._id = self._read_id() or secrets.token_hex(4)
         self._folder = Path(run.config.wandb.folder)
         self._logged = 0
         self._failed = False
-        if linked := links(self._folder / "wandb", self._folder):
-            # The output folder may be untrusted.
-            raise ConfigError(f"{linked[0]} is a link; allowed: wandb.folder= with the target of the link")
         self._folder.mkdir(parents=True, exist_ok=True)
         online = run.config.wandb.mode is WandbMode.online
         try:
-            self._wandb = self._begin(run, "online" if online else "offline")
+            self._wandb = self._init(run, "online" if online else "offline")
         except Exception as error:  # from wandb or its dependencies
             if not online:
                 raise
             console.say(f"wandb: {describe(error)}; this run is logged offline")
             # A new id, because wandb still holds the id of the run that it could not start.
             self._id = secrets.token_hex(4)
-            self._wandb = self._begin(run, "offline")
+            self._wandb = self._init(run, "offline")
         self._wandb.define_metric("episode", hidden=True)
         for name in ("train/*", "greedy/*"):
             self._wandb.define_metric(name, step_metric="episode")
 
-    def _begin(self, run: Run, mode: Literal["online", "offline"]) -> Any:
+    def _init(self, run: Run, mode: Literal["online", "offline"]) -> Any:
         """Start the run in wandb, or resume it there."""
         import wandb
 
@@ -113,7 +111,7 @@ class WandbTracker:
             return None
         return wandb_id if config_hash == self._config_hash and wandb_id.isalnum() else None
 
-    def remember(self) -> None:
+    def begin(self) -> None:
         """Write the id next to the checkpoints, and delete the offline files that a stopped process left.
 
         The new offline files will hold the complete run.
@@ -142,9 +140,9 @@ class WandbTracker:
         if self._logged > self._wandb.starting_step:
             self._try(lambda: self._wandb.log({"episode": row["episode"]} | to_numbers(row)))
 
-    def finish(self, result: RunRecord, folder: Path) -> None:
+    def finish(self, result: RunRecord) -> None:
         """Log the pictures and put the result into the summary."""
-        self._try(lambda: self._log_result(result, folder))
+        self._try(lambda: self._log_result(result, self._run.folder))
 
     def _log_result(self, result: RunRecord, folder: Path) -> None:
         import wandb

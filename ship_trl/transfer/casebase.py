@@ -67,6 +67,17 @@ class Match:
     arm: Arm
 
 
+def read_entry(file: Path) -> Entry | None:
+    """Read the entry of a file; None if there is none or it is not valid."""
+    try:
+        entry = Entry(path=file.parent, **read_json(file))
+    except (OSError, ValueError, TypeError, AttributeError):
+        return None
+    texts = (str(entry.path), entry.case, entry.fingerprint, entry.arm, entry.config_hash)
+    is_valid = all(type(text) is str and text.isprintable() for text in texts) and type(entry.seed) is int
+    return entry if is_valid else None
+
+
 class CaseBase:
     """The networks stored in a folder, which is created with the first entry."""
 
@@ -75,17 +86,8 @@ class CaseBase:
 
     def entries(self) -> list[Entry]:
         """Return all valid entries, sorted by path; skip other folders."""
-        valid = []
-        for file in sorted(self.folder.glob(f"*/*/seed=*/{ENTRY}")):
-            try:
-                values = read_json(file)
-                entry = Entry(path=file.parent, **values)
-            except (OSError, ValueError, TypeError, AttributeError):
-                continue
-            texts = (str(entry.path), entry.case, entry.fingerprint, entry.arm, entry.config_hash)
-            if all(type(text) is str and text.isprintable() for text in texts) and type(entry.seed) is int:
-                valid.append(entry)
-        return valid
+        files = sorted(self.folder.glob(f"*/*/seed=*/{ENTRY}"))
+        return [entry for file in files if (entry := read_entry(file)) is not None]
 
     def representative(self, case: Case) -> Entry | None:
         """Return the network stored for a case that has the best return, of those with the paper's layers.
@@ -112,13 +114,11 @@ class CaseBase:
 
     def find(self, suite: Suite, arm: str, seed: int, config_hash: str) -> Entry | None:
         """Return the entry of this suite and these settings, or None."""
-        folder = self.entry_folder(suite, arm, seed, config_hash)
-        for entry in self.entries():
-            if entry.path == folder and entry.fingerprint == suite.fingerprint:
-                # A power cut can leave an empty file.
-                is_complete = entry.policy.is_file() and entry.policy.stat().st_size > 0
-                return entry if is_complete else None
-        return None
+        entry = read_entry(self.entry_folder(suite, arm, seed, config_hash) / ENTRY)
+        if entry is None or entry.fingerprint != suite.fingerprint:
+            return None
+        # A power cut can leave an empty file.
+        return entry if entry.policy.is_file() and entry.policy.stat().st_size > 0 else None
 
     def retain(
         self,

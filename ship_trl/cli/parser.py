@@ -14,6 +14,7 @@ from ship_trl.cli.errors import refusals
 from ship_trl.config.bounds import Seed
 from ship_trl.config.errors import ConfigError, print_error
 from ship_trl.config.schema import read_as
+from ship_trl.policies.registry import POLICIES
 
 # Pixels of a window or a video; text in a smaller one could not be read.
 MIN_WIDTH, MIN_HEIGHT, MAX_SIDE = 640, 360, 9999
@@ -47,8 +48,13 @@ def make_parser(verb: str, description: str | None) -> Parser:
 
 def add_policies(parser: Parser, default: Sequence[str] = (), *, is_required: bool = False) -> None:
     """Add the words that name policies and cases, as `find_entries` reads them, and `--colour`."""
+    told = "; ".join(f"{name}: {one.about}" for name, one in POLICIES.items())
     parser.add_argument(
-        "words", nargs="+" if is_required else "*", default=list(default), metavar="POLICY | target=CASE"
+        "words",
+        nargs="+" if is_required else "*",
+        default=list(default),
+        metavar="POLICY | target=CASE",
+        help=told,
     )
     parser.add_argument("--colour", action="store_true", help="networks from files see colours")
 

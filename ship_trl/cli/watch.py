@@ -1,7 +1,7 @@
 """`python -m ship_trl watch POLICY... target=CASE|SUITE`: watch episodes of any policies in a window.
 
-POLICY is random, keep_course, best_known, vo, sb_mpc, apf, pretrained, a safetensors file, a result folder
-(its best and its last network), or file.py:function of your own. Result folders and pretrained networks
+POLICY is a name below, pretrained, a safetensors file, a result folder (its best and its last network), or
+file.py:function of your own. Result folders and pretrained networks
 have their own target. Of several cases, those in which the first policy misses the goal come first; C shows
 the next. Without a policy, the pretrained network of case 4 is shown. Press H in the window for the keys.
 """

@@ -25,9 +25,8 @@ from ship_trl.policies.planner import best_plan
 from ship_trl.policies.reference import BUNDLED_PLANS, plan_name, save_plan
 from ship_trl.sim.cases import Case, TargetShip, load_case, load_world
 from ship_trl.sim.encounter import Encounter, classify, relative_motion
-from ship_trl.sim.scene_table import Scene, write_scenes
 from ship_trl.sim.state import SHIP_COUNT, first_case
-from ship_trl.sim.suites import load_suite
+from ship_trl.sim.suites import Scene, load_suite, write_scenes
 
 # 15 strata of 32 scenes with ships, and 20 scenes without.
 ROOM, EMPTY_ROOM = 32, 20

@@ -38,7 +38,7 @@ class Reward:
 
 @dataclass(frozen=True)
 class GiveWay:
-    """When and how sharply a target ship gives way, if that is its behaviour (`sim.dynamics.give_way`).
+    """When and how sharply a target ship gives way, if that is its behaviour (`sim.transition.give_way`).
 
     It gives way to own ship if they would pass at less than `dcpa` metres in at most `tcpa` seconds, and
     turns at `turn` rad/s.

@@ -18,15 +18,12 @@ from torch import Tensor
 from ship_trl.config.types import World
 from ship_trl.fast.jit import RELAXED, compiled
 from ship_trl.sim import encounter
-from ship_trl.sim.dynamics import lag_shares
+from ship_trl.sim.cases import GIVES_WAY, GIVING_WAY, HOLDS_COURSE
 from ship_trl.sim.reward import MAX_SHIP_DISTANCE, POSITION_TOLERANCE, TERMS, PaidStep
 from ship_trl.sim.state import (
-    GIVES_WAY,
-    GIVING_WAY,
     GOAL_X,
     GOAL_Y,
     HEADING,
-    HOLDS_COURSE,
     OWN_SIZE,
     SHIP_BEHAVIOUR,
     SHIP_COUNT,
@@ -41,7 +38,7 @@ from ship_trl.sim.state import (
     X,
     Y,
 )
-from ship_trl.sim.transition import Outcome, Transition
+from ship_trl.sim.transition import Outcome, Transition, lag_shares
 
 Array = np.ndarray[Any, Any]
 # float32 in compiled code; the types of Python and NumPy differ there.
@@ -87,7 +84,7 @@ def constants(world: World) -> Array:
 
 @compiled(RELAXED)
 def give_way(row: Array, ship: int, tcpa: Number, dcpa: Number, turn: Number) -> tuple[Number, Number]:
-    """Return heading and behaviour of a reacting ship after its turn, as `dynamics.give_way` computes them.
+    """Return heading and behaviour of a reacting ship after its turn, as `transition.give_way` computes them.
 
     `row` [S] is a state, in which the ship's numbers begin at `ship`; the rest is of `constants`.
     """

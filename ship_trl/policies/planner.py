@@ -19,7 +19,6 @@ from torch import Tensor
 
 from ship_trl.config.types import World
 from ship_trl.sim.cases import Case
-from ship_trl.sim.dynamics import advance
 from ship_trl.sim.geometry import angle_off_bow, unit_vector
 from ship_trl.sim.reward import MAX_SHIP_DISTANCE, POSITION_TOLERANCE, PaidStep, step_reward
 from ship_trl.sim.state import (
@@ -40,7 +39,7 @@ from ship_trl.sim.state import (
     relative_positions,
     target_ships,
 )
-from ship_trl.sim.transition import Transition
+from ship_trl.sim.transition import Transition, advance
 
 
 class Resolution(NamedTuple):

@@ -27,10 +27,9 @@ from ship_trl.learn.rollout import Policy
 from ship_trl.policies.planner import Plan, best_plan
 from ship_trl.sim.cases import Case
 from ship_trl.sim.env import ShipEnv
-from ship_trl.sim.scene_table import Scene, read_scenes
 from ship_trl.sim.starts import Starts
 from ship_trl.sim.state import STEP, initial_state
-from ship_trl.sim.suites import Suite
+from ship_trl.sim.suites import Scene, Suite, read_scenes
 from ship_trl.sim.transition import Transition
 
 # Increase it with every change of the planner or of a reward term's formula that may find another plan.

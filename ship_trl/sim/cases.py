@@ -33,6 +33,9 @@ IdealPath = Annotated[str, rule("one line of plain text", str.isprintable)]
 
 # A target ship holds course and speed, or gives way to own ship by the rules (`world.give_way`).
 Behaviour = StrEnum("Behaviour", ["holds", "gives_way"])
+# Their numbers in a state. A ship that is giving way goes on until the ships have passed (Rule 13(d)).
+HOLDS_COURSE, GIVES_WAY, GIVING_WAY = 0.0, 1.0, 2.0
+BEHAVIOURS = {Behaviour.holds: HOLDS_COURSE, Behaviour.gives_way: GIVES_WAY}
 
 
 @dataclass

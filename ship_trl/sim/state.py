@@ -14,7 +14,7 @@ import torch
 from torch import Tensor
 
 from ship_trl.config.types import World
-from ship_trl.sim.cases import Behaviour, Case, TargetShip
+from ship_trl.sim.cases import BEHAVIOURS, HOLDS_COURSE, Behaviour, Case, TargetShip
 from ship_trl.sim.suites import Suite
 
 X, Y, HEADING, SPEED, YAW_RATE, GOAL_X, GOAL_Y, STEP, SHIP_COUNT = range(9)
@@ -23,10 +23,6 @@ OWN_SIZE = 9
 # `SHIP_COUNT` is empty, and holds zeros.
 SHIP_X, SHIP_Y, SHIP_HEADING, SHIP_SPEED, SHIP_BEHAVIOUR = range(5)
 SHIP_SIZE = 5
-# Behaviours of target ships: it holds course and speed; it gives way if the rules ask for it; it has begun to
-# give way and goes on until the ships have passed (Rule 13(d)).
-HOLDS_COURSE, GIVES_WAY, GIVING_WAY = 0.0, 1.0, 2.0
-BEHAVIOURS = {Behaviour.holds: HOLDS_COURSE, Behaviour.gives_way: GIVES_WAY}
 
 
 def state_size(places: int) -> int:

@@ -21,13 +21,12 @@ from torch import Generator, Tensor
 
 from ship_trl.config.errors import ConfigError
 from ship_trl.config.types import Traffic, World
+from ship_trl.sim.cases import GIVES_WAY, HOLDS_COURSE
 from ship_trl.sim.encounter import Encounter, bearing_of, classify
 from ship_trl.sim.geometry import angle_off_bow
 from ship_trl.sim.state import (
-    GIVES_WAY,
     GOAL_Y,
     HEADING,
-    HOLDS_COURSE,
     OWN_SIZE,
     SHIP_BEHAVIOUR,
     SHIP_COUNT,

@@ -5,8 +5,8 @@ from torch import Tensor
 
 from ship_trl.config.types import World
 from ship_trl.sim.cases import Case
-from ship_trl.sim.dynamics import advance
 from ship_trl.sim.state import initial_state
+from ship_trl.sim.transition import advance
 
 PORT, STRAIGHT, STARBOARD = 0, 3, 6
 

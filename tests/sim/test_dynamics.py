@@ -7,9 +7,7 @@ import pytest
 import torch
 
 from ship_trl.config.types import World
-from ship_trl.fast.step import CompiledStep
 from ship_trl.sim.cases import load_case
-from ship_trl.sim.dynamics import advance
 from ship_trl.sim.state import (
     GOAL_X,
     GOAL_Y,
@@ -20,9 +18,8 @@ from ship_trl.sim.state import (
     X,
     Y,
     initial_state,
-    target_ships,
 )
-from ship_trl.sim.transition import Transition
+from ship_trl.sim.transition import Transition, advance
 from tests.sim.scenes import scenes
 
 TABLE_1 = [(7.5, 0.1), (12, 0.02), (12, 0.01), (15, 0), (12, -0.01), (12, -0.02), (7.5, -0.1)]
@@ -46,13 +43,6 @@ def test_an_action_turns_and_then_moves(world: World, action: int) -> None:
     assert step == 5.0
     # a1 to a3 turn to port: west of a ship that heads north.
     assert (x < 10 - 1e-3) == (turn > 0)
-
-
-def test_the_step_length_scales_turn_and_way(world: World) -> None:
-    state = scenes(load_case("1", world), world, [[0.0, 0.0, 0.0, 0.0]])[0]
-    after = advance(state, torch.tensor(0), torch.tensor(world.actions), 0.5)
-    x, y, heading, step = after[[X, Y, HEADING, STEP]].tolist()
-    assert heading == pytest.approx(0.05) and math.hypot(x, y) == pytest.approx(3.75) and step == 1.0
 
 
 def lagging(world: World, turn_time: float, speed_time: float, dt: float = 1.0) -> World:
@@ -83,28 +73,3 @@ def test_turn_and_way_with_lags_are_the_integrals_over_the_step(world: World) ->
     # Own ship turns first, then moves.
     expected = [way * math.cos(heading), way * math.sin(heading)]
     assert after[[X, Y]].tolist() == pytest.approx(expected, abs=1e-4)
-
-
-def test_a_short_lag_is_nearly_none(world: World) -> None:
-    state, action = initial_state(load_case("4", world), world).repeat(7, 1), torch.arange(7)
-    for step in (Transition, lambda world: CompiledStep(Transition(world))):
-        wanted, got = step(world)(state, action), step(lagging(world, 1e-6, 1e-6))(state, action)
-        torch.testing.assert_close(got.state, wanted.state, atol=1e-4, rtol=0)
-        one_lag = step(lagging(world, 0.0, 3.0))(state, action).state
-        assert torch.equal(one_lag[:, [HEADING, YAW_RATE]], wanted.state[:, [HEADING, YAW_RATE]])
-
-
-def test_target_ships_hold_course_and_speed(world: World) -> None:
-    state = start = initial_state(load_case("6", world), world)
-    for _ in range(20):
-        state = advance(state, torch.tensor(3), torch.tensor(world.actions), 0.5)
-    way = 10 * 15.0
-    for ship, before, after in zip(
-        load_case("6", world).target_ships, target_ships(start), target_ships(state), strict=True
-    ):
-        course = math.radians(ship.heading)
-        # A target ship does not stop at own ship's start.
-        assert after[:2].tolist() == pytest.approx(
-            [ship.x + way * math.cos(course), ship.y + way * math.sin(course)], abs=1e-3
-        )
-        assert torch.equal(before[2:], after[2:])

@@ -16,7 +16,7 @@ from ship_trl.sim.cases import Case, load_case
 from ship_trl.sim.env import ShipEnv
 from ship_trl.sim.state import STEP
 
-CASES = ["1", "2", "3", "4", "5", "6", "new"]
+CASES = ["1", "6"]
 MakeCase = Callable[..., Case]
 
 
@@ -66,12 +66,8 @@ def test_keeping_course_collides(name: str, world: World) -> None:
     ("name", "goal", "collision"),
     [
         ("1", 0.34, 0.00),
-        ("2", 0.28, 0.23),
-        ("3", 0.16, 0.51),
         ("4", 0.04, 0.71),
-        ("5", 0.10, 0.60),
         ("6", 0.09, 0.63),
-        ("new", 0.28, 0.23),
     ],
 )
 def test_outcome_rates_of_a_random_policy(name: str, goal: float, collision: float, world: World) -> None:
@@ -89,12 +85,6 @@ def test_outcome_rates_of_a_random_policy(name: str, goal: float, collision: flo
     # Three standard errors of 4,000 episodes, and the table's rounding.
     assert goals / count == pytest.approx(goal, abs=0.03)
     assert collisions / count == pytest.approx(collision, abs=0.03)
-
-
-def test_turning_in_circles_is_truncated_not_terminated(world: World) -> None:
-    episode = repeat_action(make_env(load_case("1", world), world), 0)
-    assert len(episode) == 60 and ends(episode[-1]) == TIMEOUT
-    assert float(episode[-1]["reward"]) > -20
 
 
 @pytest.mark.parametrize(("limit", "outcome"), [(36, GOAL), (35, TIMEOUT)])
@@ -116,23 +106,6 @@ def test_a_fast_ship_collides_between_two_frames(world: World, make_case: MakeCa
     episode = repeat_action(env, 3)
     assert len(episode) == 2 and ends(episode[-1]) == COLLISION
     assert float(episode[0]["dcpa"]) > 149 and float(episode[1]["dcpa"]) < 10
-
-
-def test_dcpa_is_the_least_so_far(world: World) -> None:
-    dcpa = [float(step["dcpa"]) for step in repeat_action(make_env(load_case("2", world), world), 3)]
-    assert dcpa == sorted(dcpa, reverse=True) and dcpa[0] > 300 and dcpa[-5:] == [dcpa[-1]] * 5
-
-
-def test_a_partial_reset_rewrites_only_the_rows_asked_for(world: World) -> None:
-    env = make_env(load_case("4", world), world, 3, from_pixels=True)
-    start = env.reset()
-    after = env.step(start.clone().set("action", torch.tensor([0, 3, 6])))["next"]
-    kept = after.clone()
-    mask = torch.tensor([[False], [True], [False]])
-    fresh = env.reset(after.exclude("reward").clone().set("_reset", mask))
-    for key in start.keys():  # noqa: SIM118 - a tensordict iterates over its rows
-        assert torch.equal(fresh[key][1], start[key][1]), key
-        assert torch.equal(fresh[key][[0, 2]], kept[key][[0, 2]]), key
 
 
 def test_stepping_and_resetting_equals_torchrls(world: World) -> None:

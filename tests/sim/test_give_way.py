@@ -6,28 +6,32 @@ from pathlib import Path
 
 import pytest
 import torch
-from torch import Generator, Tensor
+from torch import Tensor
 
 from ship_trl.config.errors import ConfigError
-from ship_trl.fast.worlds import make_starts, make_step
-from ship_trl.sim.cases import Behaviour, Case, TargetShip, load_case, load_world
-from ship_trl.sim.encounter import must_give_way, relative_motion
-from ship_trl.sim.state import (
+from ship_trl.fast.worlds import make_step
+from ship_trl.sim.cases import (
     GIVES_WAY,
     GIVING_WAY,
-    HEADING,
     HOLDS_COURSE,
+    Behaviour,
+    Case,
+    TargetShip,
+    load_case,
+    load_world,
+)
+from ship_trl.sim.encounter import must_give_way, relative_motion
+from ship_trl.sim.state import (
+    HEADING,
     OWN_SIZE,
     SHIP_BEHAVIOUR,
     SHIP_COUNT,
     SHIP_HEADING,
     SPEED,
-    first_case,
     initial_state,
     is_present,
     target_ships,
 )
-from ship_trl.sim.suites import load_suite
 
 WORLD = load_world()
 STRAIGHT = WORLD.straight_action
@@ -104,17 +108,6 @@ def test_it_begins_within_the_horizon_and_ends_when_the_ships_have_passed(fast: 
     assert set(behaviours[begin:end]) == {GIVING_WAY}
 
 
-@pytest.mark.parametrize("fast", [False, True])
-def test_ships_that_hold_their_course_are_not_touched_by_the_rule(fast: bool) -> None:
-    state = scene(*GIVE_WAY.values(), behaviour=Behaviour.holds).repeat(200, 1)
-    state[:, :2] += 200 * torch.randn(200, 2, generator=torch.Generator().manual_seed(0))
-    actions = torch.arange(200) % 7
-    other = replace(WORLD, give_way=replace(WORLD.give_way, turn=1.0, dcpa=1e4, tcpa=1e3))
-    one, two = (make_step(world, fast=fast)(state, actions) for world in (WORLD, other))
-    assert all(torch.equal(a, b) for a, b in zip(one, two, strict=True))
-    assert torch.equal(target_ships(one.state)[..., 2:], target_ships(state)[..., 2:])
-
-
 def random_states(count: int, seed: int) -> Tensor:
     """Return states with three target ships of random behaviour; the last one may be absent."""
     generator = torch.Generator().manual_seed(seed)
@@ -149,19 +142,6 @@ def test_the_compiled_loop_turns_the_same_ships() -> None:
     assert 100 < int(turned[clear].sum()) < int(clear.sum())
 
 
-@pytest.mark.parametrize("fast", [False, True])
-def test_a_batch_of_mixed_behaviours_is_its_rows_one_by_one(fast: bool) -> None:
-    state, step = random_states(60, 2), make_step(WORLD, fast=fast)
-    action = torch.arange(60) % 7
-    together = step(state, action)
-    for n in range(60):
-        alone = step(state[n : n + 1], action[n : n + 1])
-        assert all(torch.equal(one[0], many[n]) for one, many in zip(alone, together, strict=True))
-    holding = state.clone()
-    target_ships(holding)[..., SHIP_BEHAVIOUR] = HOLDS_COURSE
-    assert not torch.equal(step(holding, action).state[:, OWN_SIZE:], together.state[:, OWN_SIZE:])
-
-
 def test_of_two_ships_at_most_one_gives_way_unless_they_meet_head_on() -> None:
     angles = torch.linspace(-math.pi, math.pi, 721, dtype=torch.float64)[:-1]
     one, other = torch.meshgrid(angles, angles, indexing="ij")
@@ -190,13 +170,3 @@ def test_a_case_file_may_name_the_behaviour(tmp_path: Path) -> None:
     assert [float(initial_state(one, WORLD)[-1]) for one in (plain, holds, gives_way)] == wanted
     with pytest.raises(ConfigError, match=r"target_ships\[0\].behaviour: must be one of holds, gives_way"):
         load(", behaviour: rams")
-
-
-def test_the_case_of_a_drawn_scene_has_its_behaviours() -> None:
-    traffic = load_suite("traffic", WORLD)
-    assert traffic.traffic is not None
-    reacting = replace(traffic, traffic=replace(traffic.traffic, reacting=1.0))
-    state = make_starts(reacting, WORLD).sample(8, Generator().manual_seed(0))
-    row = state[state[:, SHIP_COUNT].argmax()]
-    ships = first_case(reacting, row).target_ships
-    assert ships and all(ship.behaviour is Behaviour.gives_way for ship in ships)

@@ -9,8 +9,7 @@ from ship_trl.config.errors import ConfigError
 from ship_trl.config.paths import conf_dir
 from ship_trl.config.types import World
 from ship_trl.policies.reference import follow_plan
-from ship_trl.sim.scene_table import COLUMNS, read_scenes, write_scenes
-from ship_trl.sim.suites import load_suite
+from ship_trl.sim.suites import TABLE_COLUMNS, load_suite, read_scenes, write_scenes
 from studies.scenes import EMPTY_ROOM, ROOM, draw_case
 
 TABLE = conf_dir() / "suite" / "traffic_test.csv"
@@ -40,7 +39,7 @@ def test_each_plan_reaches_the_goal_with_its_return(world: World) -> None:
 
 def row(x: str, speed: str = "15") -> str:
     """Return a table of one scene with one ship."""
-    return f"{','.join(COLUMNS)}\none,none,{x},0,180,{speed},,,,,,,,,1,33\n"
+    return f"{','.join(TABLE_COLUMNS)}\none,none,{x},0,180,{speed},,,,,,,,,1,33\n"
 
 
 def test_a_ship_inside_the_safe_distance_is_refused(

@@ -3,7 +3,6 @@
 import math
 from dataclasses import replace
 from functools import partial
-from pathlib import Path
 
 import pytest
 import torch
@@ -22,9 +21,7 @@ from ship_trl.sim.state import (
     GOAL_X,
     GOAL_Y,
     HEADING,
-    OWN_SIZE,
     SHIP_COUNT,
-    SHIP_SIZE,
     SHIP_SPEED,
     X,
     Y,
@@ -83,44 +80,6 @@ def test_a_fingerprint_is_of_cases_and_perturbation(world: World) -> None:
     assert replace(one, name="another").fingerprint == one.fingerprint
 
 
-def test_bounds_above_zero_replace_those_of_the_suite(
-    world: World, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    (tmp_path / "suite").mkdir()
-    (tmp_path / "suite/mine.yaml").write_text("cases: ['2']\nperturbation: {own_position: 5, ship_speed: 1}")
-    monkeypatch.setattr("ship_trl.sim.suites.conf_dir", lambda: tmp_path)
-    own = Perturbation(own_position=5.0, ship_speed=1.0)
-    assert load_suite("mine", world).perturbation == own
-    given = Perturbation(own_position=7.0, own_heading=3.0)
-    assert load_suite("mine", world, perturbation=given).perturbation == replace(
-        own, own_position=7.0, own_heading=3.0
-    )
-    assert load_suite("4", world, perturbation=given).perturbation == given
-
-
-def test_balanced_starts_are_of_the_cases_in_turn(world: World) -> None:
-    paper = load_suite("paper", world)
-    starts = Starts(paper, world)
-    assert torch.equal(starts.balanced(9, draw()), starts.states[[*range(7), 0, 1]])
-    perturbed = Starts(replace(paper, perturbation=BOUNDS), world).balanced(9, draw())
-    assert torch.equal(perturbed[:, SHIP_COUNT], starts.balanced(9, draw())[:, SHIP_COUNT])
-    assert len({row.numpy().tobytes() for row in perturbed}) == 9
-
-
-def test_given_starts_begin_every_episode_of_their_rows(world: World) -> None:
-    suite = replace(load_suite("paper", world), perturbation=BOUNDS)
-    given, generator = Starts(suite, world).balanced(5, draw()), draw(1)
-    before = generator.get_state()
-    env = make_env(suite, world, generator=generator, starts=given)
-    current = env.reset()
-    assert torch.equal(current["state"], given)
-    for _ in range(60):
-        stepped, current = env.step_and_maybe_reset(current.set("action", torch.full((5,), 3)))
-        done = stepped["next", "done"].squeeze(-1)
-        assert torch.equal(current["state"][done], given[done])
-    assert torch.equal(generator.get_state(), before)
-
-
 def test_perturbed_starts_stay_in_their_bounds(world: World) -> None:
     suite = replace(suite_of(load_case("6", world)), perturbation=BOUNDS)
     starts = Starts(suite, world)
@@ -133,15 +92,6 @@ def test_perturbed_starts_stay_in_their_bounds(world: World) -> None:
     assert not bool(change[:, [GOAL_X, GOAL_Y, SHIP_COUNT]].any())
     assert bool((relative_positions(states).norm(dim=-1) >= world.safe_distance).all())
     assert bool((goal_distance(states) > world.goal_distance).all())
-
-
-def test_ships_do_not_go_astern_and_absent_ones_stay_absent(world: World) -> None:
-    suite = replace(
-        load_suite("paper", world), perturbation=Perturbation(ship_speed=100.0, ship_position=9.0)
-    )
-    states = Starts(suite, world).sample(200, draw())
-    assert float(target_ships(states)[..., SHIP_SPEED].min()) == 0.0
-    assert not bool(target_ships(states)[~is_present(states)].any())
 
 
 def test_starts_inside_the_safe_distance_are_drawn_again(world: World) -> None:
@@ -168,18 +118,6 @@ def test_balanced_starts_take_the_cases_in_turn(world: World) -> None:
     assert float((moved - states)[:, [X, Y]].abs().max()) <= 30
     assert torch.equal(moved, perturbed.balanced(16, draw()))
     assert len({row.numpy().tobytes() for row in moved}) == 16
-
-
-def test_starts_go_on_from_a_saved_state_of_the_generator(world: World) -> None:
-    starts = Starts(replace(load_suite("paper", world), perturbation=BOUNDS), world)
-    generator = draw()
-    starts.sample(5, generator)
-    saved = generator.get_state()
-    wanted = starts.sample(9, generator)
-    assert torch.equal(starts.sample(9, Generator().set_state(saved)), wanted)
-    # A drawn start is the caller's own.
-    wanted.zero_()
-    assert bool(starts.states.any()) and not torch.equal(starts.sample(9, generator), wanted)
 
 
 def test_a_perturbation_that_leaves_no_start_is_refused(world: World) -> None:
@@ -229,31 +167,6 @@ def test_workers_see_other_scenes_and_a_seed_repeats_them(kind: type[BatchedEnvB
     assert torch.equal(*seeded) and not torch.equal(seeded[0][0], seeded[0][1])
 
 
-def test_a_mixed_batch_steps_as_its_rows_alone(world: World) -> None:
-    env = make_env(load_suite("paper", world), world, 64, from_pixels=True, generator=draw(0))
-    current, actions = env.reset(), draw(3)
-    assert len({row.numpy().tobytes() for row in current["state"]}) == 7
-    alone = {case.name: make_env(case, world, 1, from_pixels=True) for case in env.suite.cases}
-    names = {count: name for name in ("1", "2", "4") for count in [len(alone[name].case.target_ships)]}
-    singles = []
-    for row in current["state"]:
-        count = int(row[SHIP_COUNT])
-        single = alone[names[count]].reset()
-        singles.append(single.set("state", row[None, : OWN_SIZE + SHIP_SIZE * count].clone()))
-    for _ in range(15):
-        action = torch.randint(7, (64,), generator=actions)
-        stepped = env.step(current.set("action", action))["next"]
-        for n, single in enumerate(singles):
-            count = int(single["state"][0, SHIP_COUNT])
-            after = alone[names[count]].step(single.set("action", action[n : n + 1]))["next"]
-            size = OWN_SIZE + SHIP_SIZE * count
-            assert torch.equal(stepped["state"][n, :size], after["state"][0])
-            for key in ("reward", "dcpa", "goal", "collision", "truncated", "pixels"):
-                assert torch.equal(stepped[key][n], after[key][0]), key
-            singles[n] = after
-        current = stepped
-
-
 def test_a_perturbed_batch_and_its_resets_equal_single_environments(world: World) -> None:
     suite = replace(load_suite("paper", world), perturbation=BOUNDS)
     count, actions, ended = 12, draw(3), 0
@@ -281,14 +194,3 @@ def test_a_perturbed_batch_and_its_resets_equal_single_environments(world: World
                 state = next(begun)[None]
                 alone[n] = single.reset().update({"state": state, "pixels": single.rasteriser(state)})
     assert ended > count
-
-
-def test_rows_that_end_begin_with_fresh_starts(world: World) -> None:
-    suite = replace(load_suite("4", world), perturbation=BOUNDS)
-    env = make_env(suite, world, 4, generator=draw(5))
-    current, starts = env.reset(), []
-    for _ in range(60):
-        stepped, current = env.step_and_maybe_reset(current.set("action", torch.full((4,), 3)))
-        done = stepped["next", "done"].squeeze(-1)
-        starts += [row.numpy().tobytes() for row in current["state"][done]]
-    assert len(starts) > 4 and len(set(starts)) == len(starts)

@@ -16,7 +16,6 @@ from ship_trl.sim.encounter import Encounter, classify, relative_motion
 from ship_trl.sim.geometry import angle_off_bow
 from ship_trl.sim.state import (
     HEADING,
-    SHIP_BEHAVIOUR,
     SHIP_COUNT,
     SHIP_SPEED,
     goal,
@@ -108,13 +107,6 @@ def test_in_every_scene_a_simple_manoeuvre_reaches_the_goal(world: World) -> Non
     assert bool(arrived.view(len(states), -1).any(-1).all())
 
 
-def test_the_share_of_reacting_ships_is_that_of_the_suite(world: World) -> None:
-    states = scenes(world, reacting=0.5)
-    behaviour = target_ships(states)[is_present(states)][:, SHIP_BEHAVIOUR]
-    assert set(behaviour.tolist()) == {0.0, 1.0}
-    assert float(behaviour.mean()) == pytest.approx(0.5, abs=0.05)
-
-
 def test_the_environment_fits_torchrl_and_begins_each_episode_with_its_own_scene(world: World) -> None:
     suite = load_suite("traffic", world)
     env = make_env(suite, world, 16, generator=Generator().manual_seed(0))
@@ -144,13 +136,3 @@ def test_worlds_in_which_no_scene_makes_sense_are_refused(
 ) -> None:
     with pytest.raises(ConfigError, match=message):
         make_starts(load_suite("traffic", world), replace(world, **changes))
-
-
-def test_speeds_of_no_ship_of_a_class_are_refused(world: World) -> None:
-    with pytest.raises(ConfigError, match="speeds: must begin at 12 m/s or less for the class overtaking"):
-        scenes(world, speeds=[13.0, 15.0])
-
-
-def test_a_suite_without_cases_says_so(world: World) -> None:
-    with pytest.raises(ConfigError, match="suite traffic: has no cases; allowed here: one case"):
-        _ = load_suite("traffic", world).case

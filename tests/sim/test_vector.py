@@ -19,7 +19,6 @@ from ship_trl.sim.state import (
     relative_positions,
     state_size,
 )
-from ship_trl.sim.suites import load_suite
 from ship_trl.sim.vector import VectorObservation
 from tests.sim.anywhere import Scenario, scenarios
 from tests.sim.moving import moved_case
@@ -61,14 +60,3 @@ def test_the_nearest_ships_come_first_in_whatever_order_they_are(order: list[int
     assert torch.equal(observe(state), observe(shuffled))
     distances = observe(state)[5:].view(3, 10)[:, 4]
     assert distances.tolist() == sorted(distances.tolist())
-
-
-def test_a_batch_of_a_suite_has_one_shape(world: World) -> None:
-    suite = load_suite("paper", world)
-    observe = VectorObservation(world, 3)
-    env = make_env(suite, world, 20, encoders={"vector": observe})
-    step = env.reset()
-    assert step["vector"].shape == (20, 35)
-    shown = step["vector"][:, 5:].view(20, 3, 10)[..., 9].sum(-1)
-    assert torch.equal(shown, step["state"][:, SHIP_COUNT])
-    assert bool(step["vector"].isfinite().all())

@@ -1,6 +1,5 @@
 """Demonstrations: written, read again, put into a replay, refused where they are wrong."""
 
-import dataclasses
 import json
 from pathlib import Path
 
@@ -34,18 +33,6 @@ def test_what_is_written_is_read(tmp_path: Path) -> None:
     assert one == other and isinstance(one, Demonstration)
     plan = best_known(CASE, WORLD)
     assert (one.actions, one.episode_return, one.by) == (plan.actions, plan.episode_return, "planner")
-
-
-def test_a_number_is_taken_once(tmp_path: Path) -> None:
-    """Also of a case whose name is a pattern of file names."""
-    plan = best_known(CASE, WORLD)
-    case = dataclasses.replace(CASE, name="my[1]")
-    for _ in range(3):
-        write_demonstration(tmp_path, case, WORLD, plan.actions, (plan.episode_return, "goal"), "planner")
-    assert sorted(path.name for path in tmp_path.iterdir()) == [f"my[1]-00{k}.json" for k in (1, 2, 3)]
-    (tmp_path / "my[1]-002.json").unlink()
-    again = write_demonstration(tmp_path, case, WORLD, plan.actions, (1.0, "goal"), "planner")
-    assert again.name == "my[1]-002.json"
 
 
 def test_demonstrations_of_other_cases_are_skipped(tmp_path: Path) -> None:

@@ -12,7 +12,6 @@ import torch
 from tensordict import TensorDict
 from torch import Generator
 
-import ship_trl as package
 from ship_trl.config.errors import ConfigError
 from ship_trl.config.network import load_network
 from ship_trl.config.types import World
@@ -20,7 +19,7 @@ from ship_trl.fast.worlds import make_env
 from ship_trl.learn.network import make_network
 from ship_trl.learn.rollout import rollout
 from ship_trl.policies.entry import Entry, rollout_entry
-from ship_trl.policies.named import load_policy, network_of
+from ship_trl.policies.named import load_policy
 from ship_trl.policies.reference import best_known
 from ship_trl.policies.registry import POLICIES
 from ship_trl.sim.cases import load_case
@@ -28,24 +27,6 @@ from ship_trl.sim.env import ShipEnv
 from ship_trl.sim.starts import Starts
 from ship_trl.sim.suites import load_suite, suite_of
 from ship_trl.transfer.weights import save_weights
-
-
-def test_a_network_of_case_4_sees_the_ships_of_case_6(world: World) -> None:
-    policy = package.load_policy("4")
-    network = network_of(policy)
-    assert network is not None
-    env, own = (make_env(load_case(name, world), world, 3, from_pixels=True) for name in ("6", "4"))
-    current, own_current = env.reset(), own.reset()
-    for _ in range(10):
-        wanted = network(current["pixels"])
-        others = network(own_current["pixels"])
-        current = policy(current)
-        assert torch.equal(current["action_value"], wanted) and torch.equal(
-            current["action"], wanted.argmax(-1)
-        )
-        assert not bool((wanted == others).any())
-        own_current = own.step(own_current.set("action", current["action"]))["next"]
-        current = env.step(current)["next"]
 
 
 @pytest.mark.parametrize("colour", [False, True])

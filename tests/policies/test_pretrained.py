@@ -13,7 +13,6 @@ import ship_trl as package
 from ship_trl.cli.entries import find_entries
 from ship_trl.cli.pretrain import SUITES, TESTS, rollout_greedy
 from ship_trl.config.errors import ConfigError
-from ship_trl.config.paths import conf_dir
 from ship_trl.fast.worlds import make_env
 from ship_trl.learn.rollout import rollout
 from ship_trl.policies import pretrained
@@ -45,17 +44,6 @@ def test_every_score_is_reached(capsys: pytest.CaptureFixture[str]) -> None:
         assert (share, outcome, length) == (f"{one.of_best_known:.0%}", one.outcome, str(one.length))
 
 
-def test_the_best_run_of_each_case_was_chosen() -> None:
-    runs = pretrained.read()["runs"]
-    for one in pretrained.networks():
-        of_case = [run for run in runs if run["case"] == one.name]
-        assert [run["seed"] for run in of_case] == list(range(100, 105))
-        # On ties, `max` keeps the first.
-        best = max(of_case, key=lambda run: run["best_return"])
-        assert (best["seed"], best["config_hash"]) == (one.seed, one.config_hash)
-        assert one.episode_return == pytest.approx(best["best_return"], abs=1e-3)
-
-
 def test_a_policy_in_one_line() -> None:
     case = load_case("4", WORLD)
     episode = rollout(make_env(case, WORLD), package.load_policy("4"))[0]
@@ -72,15 +60,6 @@ def test_a_policy_in_one_line() -> None:
             package.load_policy("x", case_name)
     with pytest.raises(ConfigError, match=r"policy: no file none\.safetensors"):
         package.load_policy("none.safetensors")
-
-
-def test_an_own_case_has_no_pretrained_network() -> None:
-    Path("mine.yaml").write_text((conf_dir() / "case" / "4.yaml").read_text().replace("450.0", "440.0"))
-    with pytest.raises(ConfigError, match="policy: no bundled network of case mine; allowed: 1, "):
-        pretrained.find("pretrained", load_suite("mine.yaml", WORLD))
-    # The same case by another name is the same.
-    Path("same.yaml").write_text((conf_dir() / "case" / "4.yaml").read_text())
-    assert pretrained.find("pretrained", load_suite("same.yaml", WORLD)).name == "4"
 
 
 def test_suites_have_the_network_of_random_encounters(monkeypatch: pytest.MonkeyPatch) -> None:

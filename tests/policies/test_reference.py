@@ -14,7 +14,7 @@ from ship_trl.fast.worlds import make_env
 from ship_trl.policies import reference
 from ship_trl.policies.planner import Plan, best_plan
 from ship_trl.sim.cases import Case, load_case, load_world
-from ship_trl.sim.suites import Suite, load_suite, suite_of
+from ship_trl.sim.suites import load_suite, suite_of
 
 WORLD = load_world()
 
@@ -80,15 +80,6 @@ def test_of_a_suite_the_mean_is_known_unless_its_starts_are_drawn() -> None:
     assert reference.best_known_return(suite_of(paper.cases[3], drawn), WORLD) is None
 
 
-def test_plans_of_few_cases_are_searched_for(searches: list[str]) -> None:
-    paper = load_suite("paper", WORLD)
-    few = Suite("few", paper.cases[:2])
-    assert reference.best_known_return(few, WORLD) is None
-    assert reference.best_known_return(few, WORLD, max_searches=1) is None and searches == []
-    assert reference.best_known_return(few, WORLD, max_searches=2) is not None and searches == ["1", "2"]
-    assert reference.best_known_return(few, WORLD) is not None
-
-
 def test_a_table_of_other_actions_or_a_broken_one_has_no_plan(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -136,11 +127,3 @@ def test_it_depends_on_its_seed_alone() -> None:
         == first
         != reference.random_return(case, WORLD, 4, episodes=500)
     )
-
-
-def test_of_a_suite_it_is_the_mean_of_its_cases() -> None:
-    paper = load_suite("paper", WORLD)
-    cases = [reference.random_return(suite_of(case), WORLD, 1, episodes=2000) for case in paper.cases]
-    assert abs(reference.random_return(paper, WORLD, episodes=14_000) - sum(cases) / 7) < 10
-    near, far = (suite_of(paper.cases[0], Perturbation(own_position=bound)) for bound in (1.0, 400.0))
-    assert reference.random_return(far, WORLD) < reference.random_return(near, WORLD) - 10

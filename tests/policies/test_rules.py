@@ -10,7 +10,7 @@ from torch import Tensor
 from torch.nn.utils.rnn import pad_sequence
 
 from ship_trl.config.bounds import RULES
-from ship_trl.policies.rules import Scores, closest_pass, safety_score, scaled_settings, score_rules
+from ship_trl.policies.rules import Scores, safety_score, scaled_settings, score_rules
 from ship_trl.policies.steering import Steering
 from ship_trl.sim.cases import Case, TargetShip, load_case, load_world
 from ship_trl.sim.encounter import Encounter, classify
@@ -72,31 +72,6 @@ def test_a_late_manoeuvre_scores_less() -> None:
     assert late.rules[16] == pytest.approx(late.safety * late.rules[8])
 
 
-@pytest.mark.parametrize(
-    "before",
-    [
-        ((1, 1), (STRAIGHT, 11)),
-        ((1, 1), (5, 1)) * 6,
-        ((STRAIGHT, 4), (PORT, 1), (STARBOARD, 1), (STRAIGHT, 6)),
-        # The course is corrected, and then held.
-        ((PORT, 2), (STRAIGHT, 10)),
-    ],
-)
-def test_small_corrections_are_not_the_manoeuvre(before: tuple[tuple[int, int], ...]) -> None:
-    one = score(IMAZU[2], *before, (STARBOARD, 8), (STRAIGHT, 15))
-    assert one.manoeuvre == 12 and 0.6 < one.rules[8] < 0.9
-
-
-def test_a_manoeuvre_that_opens_the_range_at_once_counts_in_full(make_case: Callable[..., Case]) -> None:
-    # A ship 52 m abeam to starboard converges by 10 degrees: own ship turns away to port.
-    one = score(IMAZU[14], (PORT, 6), (STRAIGHT, 20))
-    assert (one.encounter, one.manoeuvre) == (Encounter.GIVE_WAY, 0)
-    assert one.turn == pytest.approx(-math.degrees(0.6), abs=0.1) and one.rules[8] == pytest.approx(1.0)
-    # To turn away at once from a ship to stand on to, with 200 m between, breaks Rule 17.
-    leaves = score(make_case((-141.0, 159.0, 0.0, 15.0)), (STARBOARD, 10), (STRAIGHT, 10))
-    assert leaves.encounter is Encounter.STAND_ON and leaves.rules == {17: 0}
-
-
 def test_give_way_passes_astern() -> None:
     astern = score(IMAZU[2], (STARBOARD, 8), (STRAIGHT, 25))
     # To port at first, then ahead of the other ship's bow.
@@ -136,15 +111,6 @@ def test_padding_and_other_rows_do_not_matter() -> None:
     for row, one in enumerate(tracks):
         for part, alone in zip(together, score_all(one), strict=True):
             torch.testing.assert_close(part[row : row + 1], alone, equal_nan=True)
-
-
-def test_the_pose_is_that_between_two_steps(make_case: Callable[..., Case]) -> None:
-    # Ships pass port to port, 60 m apart, in the middle of a step.
-    states = track(WORLD, make_case((-60.0, 315.0, 270.0, 15.0)), (STRAIGHT, 20))
-    found = closest_pass(states[None].double(), torch.zeros(1, 1, dtype=torch.int64), torch.tensor([[20]]))
-    assert found.step.item() == 10 and found.distance.item() == pytest.approx(60.0, abs=1e-4)
-    assert found.bearing.item() == pytest.approx(-math.pi / 2, abs=1e-4)
-    assert found.aspect.item() == pytest.approx(-math.pi / 2, abs=1e-4)
 
 
 def safety(distance: float, bearing: float = 0.0, aspect: float = 0.0) -> float:

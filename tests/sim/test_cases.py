@@ -55,14 +55,6 @@ def with_ship(**changes: str) -> str:
     return GOOD.replace(SHIP, "  - {" + ", ".join(f"{k}: {v}" for k, v in ship.items() if v) + "}\n")
 
 
-@pytest.mark.parametrize("name", BUNDLED)
-def test_every_bundled_case_loads(name: str, world: World) -> None:
-    case = load_case(name, world)
-    assert case.name == name and case.ideal_path
-    assert (case.start, case.heading, case.goal) == ([0.0, 0.0], 90.0, [0.0, 600.0])
-    assert all(ship.speed == 15.0 for ship in case.target_ships)
-
-
 def test_the_bundled_cases_are_those_of_the_paper(world: World) -> None:
     ships = {name: load_case(name, world).target_ships for name in PAPER}
     assert [len(ships[name]) for name in PAPER] == [0, 1, 1, 2, 1, 2, 2]
@@ -170,17 +162,6 @@ def test_a_goal_at_the_end_of_the_last_step_is_reached(tmp_path: Path, world: Wo
     assert load_text(with_value("goal", "[0.0, 960.0]"), tmp_path, world).goal == [0.0, 960.0]
     with pytest.raises(ConfigError, match=r"901 m .* 60 steps \(world.max_steps\) of 1 s at up to 15 m/s"):
         load_text(with_value("goal", "[0.0, 961.0]"), tmp_path, world)
-
-
-@pytest.mark.parametrize(
-    ("written", "value"),
-    [("010", 10), ("-045", -45), ("1_0", 10), ("08.5", 8.5)],
-)
-def test_digits_with_leading_zeros_are_decimals(
-    written: str, value: float, tmp_path: Path, world: World
-) -> None:
-    case = load_text(with_ship(y=written).replace("90.0", written), tmp_path, world)
-    assert (case.heading, case.target_ships[0].y) == (value, value)
 
 
 def test_a_number_in_base_60_is_refused_with_file_and_line(tmp_path: Path, world: World) -> None:

@@ -2,7 +2,6 @@
 
 import math
 from collections.abc import Callable
-from dataclasses import replace
 
 import pytest
 import torch
@@ -85,12 +84,6 @@ def test_outcome_rates_of_a_random_policy(name: str, goal: float, collision: flo
     # Three standard errors of 4,000 episodes, and the table's rounding.
     assert goals / count == pytest.approx(goal, abs=0.03)
     assert collisions / count == pytest.approx(collision, abs=0.03)
-
-
-@pytest.mark.parametrize(("limit", "outcome"), [(36, GOAL), (35, TIMEOUT)])
-def test_an_end_in_the_last_step_is_no_truncation(limit: int, outcome: dict[str, bool], world: World) -> None:
-    episode = repeat_action(make_env(load_case("1", world), replace(world, max_steps=limit)), 3)
-    assert len(episode) == limit and ends(episode[-1]) == outcome
 
 
 def test_a_collision_takes_precedence_over_the_goal(world: World, make_case: MakeCase) -> None:

@@ -10,14 +10,13 @@ from torch import Generator, Tensor
 from torchrl.envs.utils import check_env_specs
 
 from ship_trl.config.errors import ConfigError
-from ship_trl.config.types import EncounterClass, World
+from ship_trl.config.types import World
 from ship_trl.fast.worlds import make_env, make_starts
 from ship_trl.sim.encounter import Encounter, classify, relative_motion
 from ship_trl.sim.geometry import angle_off_bow
 from ship_trl.sim.state import (
     HEADING,
     SHIP_COUNT,
-    SHIP_SPEED,
     goal,
     goal_distance,
     is_present,
@@ -64,15 +63,6 @@ def test_the_shares_of_ships_and_classes_are_those_of_the_suite(world: World) ->
     assert (torch.bincount(found, minlength=len(Encounter)) / len(found)).tolist() == pytest.approx(
         [0.0] + [0.2] * 5, abs=0.02
     )
-
-
-@pytest.mark.parametrize("name", [one.name for one in EncounterClass])
-def test_a_class_alone_is_drawn_alone(name: str, world: World) -> None:
-    states = scenes(world, count=200, classes=[EncounterClass[name]], ships=[0.0, 1.0])
-    assert set(classes(states).flatten().tolist()) == {Encounter[name.upper()]}
-    speeds = target_ships(states)[..., SHIP_SPEED]
-    least, most = {"overtaking": (7.5, 12.0), "overtaken": (18.0, 22.5)}.get(name, (7.5, 15.0))
-    assert least <= float(speeds.min()) < float(speeds.max()) <= most
 
 
 def test_a_seed_is_a_scene_for_good(world: World) -> None:

@@ -85,6 +85,7 @@ def greedy_return(world: type[Hall], network: DuelingNetwork) -> float:
     return rollout(world(1), greedy_policy(network, draw))[0].episode_return
 
 
+@pytest.mark.long
 @pytest.mark.parametrize(
     ("arm", "world"),
     [

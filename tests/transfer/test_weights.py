@@ -36,27 +36,6 @@ def saved(tmp_path: Path) -> Path:
     return path
 
 
-@pytest.mark.parametrize(
-    ("config", "arm", "count"),
-    [
-        *((None, arm, n) for arm, n in (("scratch", 0), ("FE1", 1), ("FE4", 4), ("FT3", 3), ("FTW", 7))),
-        *((FIVE, arm, n) for arm, n in (("FE1", 1), ("FT4", 4), ("FE5", 5), ("FTW", 8))),
-    ],
-)
-def test_just_the_first_layers_are_copied(
-    config: Network | None, arm: str, count: int, tmp_path: Path
-) -> None:
-    path = tmp_path / "source.safetensors"
-    save_weights(path, network(1, config=config), {})
-    fresh, target = network(2, config=config), network(2, config=config)
-    weights = load_weights(path, target)
-    make_method(Arm.parse(arm)).copy(target, weights)
-    copied = [*target.layer_names, "shared", "value", "advantage"][:count]
-    for name, parameter in target.named_parameters():
-        wanted = weights[name] if name.split(".")[0] in copied else fresh.get_parameter(name)
-        assert torch.equal(parameter, wanted), name
-
-
 def test_permuting_keeps_the_numbers_of_each_tensor_and_no_order() -> None:
     learned = network(1).state_dict() | {"conv1.bias": torch.arange(32.0)}
     one, again = (permute_values(learned, Generator().manual_seed(5)) for _ in range(2))
@@ -83,10 +62,6 @@ def refused(path: Path, channels: int = 1) -> str:
     message = str(caught.value)
     assert message.startswith("source_file: ") and "\n" not in message
     return message
-
-
-def test_a_missing_file_is_refused(tmp_path: Path) -> None:
-    assert "no file" in refused(tmp_path / "nowhere.safetensors")
 
 
 def test_a_truncated_file_is_refused(saved: Path) -> None:

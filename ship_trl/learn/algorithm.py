@@ -86,7 +86,7 @@ class Algorithm(Protocol):
         ...
 
 
-class Method:
+class LearningHooks:
     """What a method of transfer asks of an algorithm while it learns: from scratch, nothing.
 
     Attributes:
@@ -145,7 +145,7 @@ class Setup:
     learn: Learn
     exploration: Generator
     replay: Generator
-    method: Method = field(default_factory=Method)
+    method: LearningHooks = field(default_factory=LearningHooks)
     options: Mapping[str, Any] = field(default_factory=dict)
     teacher: Teacher | None = None
     mirror: Callable[[Tensor], Tensor] | None = None

@@ -12,7 +12,7 @@ from torch import Tensor
 from torchrl.modules import QValueActor
 
 from ship_trl.config.types import Learn
-from ship_trl.learn.algorithm import Method, Setup
+from ship_trl.learn.algorithm import LearningHooks, Setup
 from ship_trl.learn.backend import Draw, make_backend
 from ship_trl.learn.dense import Dense
 from ship_trl.learn.loss import DoubleDQNLoss, ForeachSoftUpdate
@@ -60,13 +60,13 @@ class DoubleDQN:
         policy: EpsilonGreedy,
         draw: Draw,
         learn: Learn,
-        method: Method | None = None,
+        method: LearningHooks | None = None,
         encoders: Mapping[str, Callable[[Tensor], Tensor]] | None = None,
         capture: Capture | None = None,
     ) -> None:
         self.loss, self.target_update, self.optimiser = loss, target_update, optimiser
         self.replay, self.policy, self._draw, self._learn = replay, policy, draw, learn
-        self._method: Method = method or Method()
+        self._method: LearningHooks = method or LearningHooks()
         self.encoders: Mapping[str, Callable[[Tensor], Tensor]] = dict(encoders or {})
         self.online_network: DuelingNetwork = loss.network
         self.dtype = self.online_network.backend.dtype
@@ -236,7 +236,7 @@ def build(
         return network(observed if encoders else draw(observed)).argmax(-1)
 
     # A graph keeps the numbers of its capture, such as a penalty's weight.
-    captures = device.type == "cuda" and type(method).penalty is Method.penalty
+    captures = device.type == "cuda" and type(method).penalty is LearningHooks.penalty
     capture = setup.accelerator.capture if captures else None
     best = best_actions if capture is None else capture(best_actions)
 

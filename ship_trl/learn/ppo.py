@@ -24,7 +24,7 @@ from torchrl.objectives.value import GAE
 
 from ship_trl.config import algorithm as config
 from ship_trl.config.types import Learn
-from ship_trl.learn.algorithm import DivergedError, Method, Setup
+from ship_trl.learn.algorithm import DivergedError, LearningHooks, Setup
 from ship_trl.learn.backend import Draw, make_backend
 from ship_trl.learn.dense import Dense
 from ship_trl.learn.imitation import Best, BestEpisodes
@@ -90,7 +90,7 @@ class PPO:
         settings: config.PPO,
         exploration: Generator,
         shuffle: Generator,
-        method: Method,
+        method: LearningHooks,
     ) -> None:
         self.online_network, self._draw, self._learn, self._settings = network, draw, learn, settings
         self._exploration, self._shuffle, self._method = exploration, shuffle, method

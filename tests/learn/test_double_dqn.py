@@ -9,14 +9,14 @@ from tensordict import TensorDict
 from torch import Generator, Tensor
 
 from ship_trl.config.types import Learn, Loss
-from ship_trl.learn.algorithm import Method
+from ship_trl.learn.algorithm import LearningHooks
 from ship_trl.learn.double_dqn import FEATURES, DoubleDQN, build
 from ship_trl.learn.network import DuelingNetwork
 from ship_trl.learn.replay import DrawPixels
 from tests.learn.worlds import draw, fast_setup, schedule
 
 
-class Freezing(Method):
+class Freezing(LearningHooks):
     """Freezes the first layers, and adds nothing to the loss."""
 
     def __init__(self, layers: int) -> None:
@@ -210,7 +210,7 @@ def test_epsilon_is_the_share_of_random_actions() -> None:
 
 
 def test_a_penalty_is_added_to_the_loss() -> None:
-    class Pull(Method):
+    class Pull(LearningHooks):
         def penalty(self, network: torch.nn.Module, data: TensorDict) -> Tensor:
             return 1e3 * sum((p.square().sum() for p in network.parameters()), torch.zeros(()))
 

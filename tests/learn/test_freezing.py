@@ -7,7 +7,7 @@ import torch
 from torch import Generator
 
 from ship_trl.config.types import BackendName, Network, Precision
-from ship_trl.learn.algorithm import Method
+from ship_trl.learn.algorithm import LearningHooks
 from ship_trl.learn.double_dqn import FEATURES, DoubleDQN, build
 from ship_trl.learn.network import DuelingNetwork
 from tests.learn import networks
@@ -96,7 +96,7 @@ def test_freezing_conv1_leaves_conv10_trainable() -> None:
     assert [conv.weight.requires_grad for conv in network.layers] == [False] + 10 * [True]
 
 
-class Thawing(Method):
+class Thawing(LearningHooks):
     """Freezes two layers for the first half of the episodes."""
 
     thaws = True

@@ -12,7 +12,7 @@ from torch import Generator, Tensor
 from ship_trl.config.network import load_network
 from ship_trl.config.types import BackendName, Learn, World
 from ship_trl.fast.worlds import make_rasteriser, make_step
-from ship_trl.learn.algorithm import Method
+from ship_trl.learn.algorithm import LearningHooks
 from ship_trl.learn.double_dqn import DoubleDQN, build
 from ship_trl.learn.lockstep import Draws, Lockstep, roll_out
 from ship_trl.learn.loss import STEPS
@@ -35,7 +35,7 @@ class After(NamedTuple):
     truncated: Tensor
 
 
-class Fixed(Method):
+class Fixed(LearningHooks):
     """Freezes some layers."""
 
     def __init__(self, layers: int) -> None:

@@ -12,7 +12,7 @@ from torch import Generator, Tensor, nn
 
 from ship_trl.config.network import load_network
 from ship_trl.config.types import BackendName
-from ship_trl.learn.algorithm import DivergedError, Method
+from ship_trl.learn.algorithm import DivergedError, LearningHooks
 from ship_trl.learn.network import DuelingNetwork, VectorNetwork
 from ship_trl.learn.ppo import OUTPUT, PPO, build, state_value
 from ship_trl.learn.train import Evaluated, Finished, Training, train
@@ -32,7 +32,7 @@ OPTIONS = {
 }
 
 
-class Freezing(Method):
+class Freezing(LearningHooks):
     """Freezes the first two layers up to a share of the episodes."""
 
     def __init__(self, until: float = 2.0) -> None:
@@ -43,13 +43,15 @@ class Freezing(Method):
 
 
 def make(
-    seed: int = 0, method: Method | None = None, learn: dict[str, Any] | None = None, **changes: float
+    seed: int = 0, method: LearningHooks | None = None, learn: dict[str, Any] | None = None, **changes: float
 ) -> PPO:
     weights, exploration, replay = (Generator().manual_seed(seed * 10 + k) for k in range(3))
     network = DuelingNetwork(1, 3, weights)
     options = {"build": "ship_trl.learn.ppo:build"} | OPTIONS | changes
     values = schedule(**{"episodes": 120, "num_envs": 4} | (learn or {}))
-    return build(fast_setup(network, draw, 3, values, exploration, replay, method or Method(), options))
+    return build(
+        fast_setup(network, draw, 3, values, exploration, replay, method or LearningHooks(), options)
+    )
 
 
 def walk(
@@ -193,12 +195,12 @@ def test_a_thawed_layer_learns() -> None:
 
 
 def test_a_penalty_is_added_to_the_loss() -> None:
-    class Pull(Method):
+    class Pull(LearningHooks):
         def penalty(self, network: nn.Module, data: TensorDictBase) -> Tensor:
             assert data["pixels"].dtype is torch.uint8
             return 7.0 + 0.0 * network.value.bias.sum()  # type: ignore[union-attr, operator]
 
-    plain, pulled = (observed_loss(make(method=method)) for method in (Method(), Pull()))
+    plain, pulled = (observed_loss(make(method=method)) for method in (LearningHooks(), Pull()))
     assert pulled == pytest.approx(plain + 7.0)
 
 

@@ -9,7 +9,7 @@ from tensordict import TensorDict
 from torch import Generator, Tensor
 
 from ship_trl.config.types import BackendName
-from ship_trl.learn.algorithm import Method
+from ship_trl.learn.algorithm import LearningHooks
 from ship_trl.learn.network import DuelingNetwork
 from ship_trl.learn.pupil import Pupil, build, distillation_loss
 from ship_trl.learn.train import Finished, Training, train
@@ -27,7 +27,7 @@ def teacher(state: Tensor) -> Tensor:
     return torch.cat((0 * x, -0.5 - x, x - 0.5), -1)
 
 
-class Freezing(Method):
+class Freezing(LearningHooks):
     """Freezes the first two layers up to half of the episodes."""
 
     thaws = True
@@ -43,7 +43,7 @@ def flip(state: Tensor) -> Tensor:
 
 def make(
     seed: int = 0,
-    method: Method | None = None,
+    method: LearningHooks | None = None,
     options: Any = OPTIONS,
     mirror: Any = None,
     **changes: Any,
@@ -52,7 +52,7 @@ def make(
     network = DuelingNetwork(1, 3, weights)
     learn = schedule(**LEARN | changes)
     options = {"build": "ship_trl.learn.pupil:build"} | options
-    method = method or Method()
+    method = method or LearningHooks()
     return build(fast_setup(network, draw, 3, learn, exploration, replay, method, options, teacher, mirror))
 
 
@@ -119,8 +119,8 @@ def test_its_own_actions_take_over_by_half_of_the_training(episode: int, share: 
     assert counts.tolist() == pytest.approx([1 - share, share, 0.0], abs=tolerance)
 
 
-@pytest.mark.parametrize("method", [Method(), Freezing()], ids=["all layers", "thawing"])
-def test_a_checkpoint_goes_on_with_the_same_bits(method: Method) -> None:
+@pytest.mark.parametrize("method", [LearningHooks(), Freezing()], ids=["all layers", "thawing"])
+def test_a_checkpoint_goes_on_with_the_same_bits(method: LearningHooks) -> None:
     learn = schedule(**LEARN)
     whole = Training(Corridor(3), Corridor(1), make(method=method), learn)
     whole.begin()
@@ -139,13 +139,13 @@ def test_a_checkpoint_goes_on_with_the_same_bits(method: Method) -> None:
 
 
 def test_a_penalty_of_the_method_sees_pixels() -> None:
-    class Pull(Method):
+    class Pull(LearningHooks):
         def penalty(self, network: torch.nn.Module, batch: Any) -> Tensor:
             assert batch["pixels"].dtype is torch.uint8
             return torch.tensor(7.0)
 
     losses = []
-    for method in (Method(), Pull()):
+    for method in (LearningHooks(), Pull()):
         pupil = make(method=method)
         state = TensorDict({"state": PLACES}, [len(PLACES)])
         losses.append(float(pupil.learn_from(state)))

@@ -13,7 +13,7 @@ from torchrl.data import Unbounded
 
 from ship_trl.config.arm import Arm
 from ship_trl.config.types import Network
-from ship_trl.learn.algorithm import Method
+from ship_trl.learn.algorithm import LearningHooks
 from ship_trl.learn.double_dqn import build
 from ship_trl.learn.network import DuelingNetwork, VectorNetwork
 from ship_trl.learn.policy import greedy_policy
@@ -63,7 +63,7 @@ def make_network(seed: int) -> VectorNetwork:
     return VectorNetwork(2, 3, Generator().manual_seed(seed), config)
 
 
-def learn(world: type[Hall], network: VectorNetwork, method: Method) -> list[float]:
+def learn(world: type[Hall], network: VectorNetwork, method: LearningHooks) -> list[float]:
     """Train the network, and return the greedy returns before and after."""
     short = schedule(episodes=120, evaluate_every=120, update_every=2, batch_size=32, gamma=0.8)
     learn = replace(short, lr=5e-3, lr_end=5e-3, tau=0.3, epsilon_end=0.3)
@@ -77,7 +77,7 @@ def learn(world: type[Hall], network: VectorNetwork, method: Method) -> list[flo
 def source_weights() -> Weights:
     """Return the weights of a network that has learned the corridor."""
     network = make_network(SEED)
-    assert learn(Hall, network, Method())[-1] == BEST
+    assert learn(Hall, network, LearningHooks())[-1] == BEST
     return {key: value.detach() for key, value in network.state_dict().items()}
 
 

@@ -10,7 +10,7 @@ from torch import Generator, Tensor
 
 from ship_trl.config.arm import Arm
 from ship_trl.config.transfer import Transfer
-from ship_trl.learn.algorithm import Method
+from ship_trl.learn.algorithm import LearningHooks
 from ship_trl.learn.backend import Draw
 from ship_trl.learn.dense import Dense
 from ship_trl.learn.network import DuelingNetwork
@@ -53,7 +53,7 @@ def fixed_copy(network: DuelingNetwork, weights: Weights) -> DuelingNetwork:
     return other
 
 
-class TransferMethod(Method):
+class TransferMethod(LearningHooks):
     """Copy the arm's layers, from scratch none, and let every layer learn.
 
     Args:

@@ -1,4 +1,4 @@
-"""`python -m benchmarks grades`: how often does each grade of docs/study.md come out, by what is true?
+"""`python -m benchmarks grades`: how often each grade comes out, by what is true (studies/paper/grades.md).
 
 Grades the claims of a study. Then it grades data whose truth is known: arms shuffled within each seed, and
 differences moved to zero, to the margin, and to the possible gain.
@@ -21,20 +21,7 @@ from ship_trl.cli.errors import refusals
 from ship_trl.cli.parser import add_number, make_parser
 from ship_trl.config.bounds import Positive
 from ship_trl.run.console import show
-from ship_trl.study import margins
-from ship_trl.study.claims.grades import (
-    Evidence,
-    Grade,
-    count_grades,
-    grade,
-    grade_all,
-    grade_claim,
-    grade_parts,
-    measure_parts,
-)
-from ship_trl.study.claims.kinds import Hypothesis
-from ship_trl.study.claims.verdicts import ALL
-from ship_trl.study.compare import SEED, Claimed, Finding
+from ship_trl.study.compare import SEED
 from ship_trl.study.statistics import (
     LEVEL,
     TOLERANCE,
@@ -43,6 +30,20 @@ from ship_trl.study.statistics import (
     interquartile_mean,
 )
 from ship_trl.study.study import Records, Study, finished_study
+from studies.paper.claims import ALL, claims
+from studies.paper.contrasts import Claimed
+from studies.paper.judge import (
+    Claim,
+    Evidence,
+    Finding,
+    Grade,
+    count_grades,
+    grade,
+    grade_all,
+    grade_claim,
+    grade_parts,
+    measure_parts,
+)
 
 FOLDER = Path("outputs/confirmatory")
 # A test of spread takes 0.2 s with all its permutations. With these its least p, times the eight contrasts of
@@ -88,32 +89,32 @@ def main(arguments: list[str]) -> None:
 
 def run(options: Namespace) -> None:
     """Print the mean number of claims of each grade, by what is true."""
-    study = finished_study(options.folder)
-    claims = [*measure_parts(study).values()]
+    study = finished_study(options.folder, claims=claims())
+    parts = [*measure_parts(study, ALL).values()]
     rows = {
-        "the study": count_grades([grade(findings).grade for findings in claims]),
+        "the study": count_grades([grade(findings).grade for findings in parts]),
         "labels shuffled": shuffled(study, options.draws),
-        **moved(claims, options.draws),
+        **moved(parts, study.claims.margin or 0.0, options.draws),
     }
     cells = [[name, *(f"{count[one]:.2f}" for one in Grade)] for name, count in rows.items()]
-    without = sum(any(one.margin is None for one in parts) for parts in claims)
-    bounded = sum(any(one.claimed is Claimed.no_more for one in parts) for parts in claims)
+    without = sum(any(one.found.margin is None for one in findings) for findings in parts)
+    bounded = sum(any(one.claimed is Claimed.no_more for one in findings) for findings in parts)
     sys.stdout.write(
-        f"Mean number of the {len(claims)} claims with each grade, {options.draws} draws a row. In moved "
+        f"Mean number of the {len(parts)} claims with each grade, {options.draws} draws a row. In moved "
         f"rows, parts without a margin stay at zero, so {without} claims cannot be supported. Parts of the "
         f"form 'no more than the margin' ({bounded} claims) stay at zero too, where they are true.\n\n"
     )
     show(["data", *Grade], cells, options.markdown)
 
 
-def shuffled(study: Study, draws: int, hypotheses: Sequence[Hypothesis] = ALL) -> Counts:
+def shuffled(study: Study, draws: int, hypotheses: Sequence[Claim] = ALL) -> Counts:
     """Return the mean number of claims of each grade if labels of arms mean nothing.
 
     Within each seed, all runs on the same target case change places, and all contrasts are measured again.
     """
     rng = np.random.default_rng(SEED)
-    seen = replace(study.first(study.whole_looks[-1], LEVEL / 2), max_permutations=MAX_PERMUTATIONS)
-    found = [grade_all(shuffle(seen, rng), hypotheses).values() for _ in range(draws)]
+    seen = study.first(study.whole_looks[-1], LEVEL / 2)
+    found = [grade_all(shuffle(seen, rng), hypotheses, MAX_PERMUTATIONS).values() for _ in range(draws)]
     return mean_counts([[graded.grade for graded in one] for one in found])
 
 
@@ -129,15 +130,14 @@ def shuffle(study: Study, rng: np.random.Generator) -> Study:
     return replace(study, records=records)
 
 
-def moved(claims: Sequence[Sequence[Finding]], draws: int) -> dict[str, Counts]:
+def moved(claims: Sequence[Sequence[Finding]], share: float, draws: int) -> dict[str, Counts]:
     """Return the mean number of claims of each grade if all effects have the same known size, by that size.
 
     Seeds are resampled jointly over all parts, so parts depend on each other as in the study. Differences are
     centred by their interquartile mean and moved to a truth. Parts that claim no more than the margin stay at
     zero, where they are true. So do parts without a margin; a claim with such a part cannot be supported.
-    Spreads have no differences, so they show nothing (p = 1).
+    Spreads have no differences, so they show nothing (p = 1). `share` is the margin's of the gain.
     """
-    share = margins.margins().margin
     truths = {"nothing": 0.0, "the margin": 1.0, "what could be gained": 1 / share}
     sampled = list(resample(claims, draws))
     rows = {}
@@ -151,10 +151,10 @@ def resample(
     claims: Sequence[Sequence[Finding]], draws: int
 ) -> Iterator[list[tuple[Finding, Samples | None]]]:
     """Yield the parts of each claim with their resampled differences; spreads have none."""
-    seeds = max((one.seeds for parts in claims for one in parts), default=1)
+    seeds = max((one.found.seeds for parts in claims for one in parts), default=1)
     chosen = np.random.default_rng(SEED).integers(0, seeds, (draws, seeds))
     for parts in claims:
-        yield [(one, sample(one, chosen) if one.differences else None) for one in parts]
+        yield [(one, sample(one, chosen) if one.found.differences else None) for one in parts]
 
 
 def sample(finding: Finding, chosen: NDArray[np.int64]) -> Samples:
@@ -162,7 +162,7 @@ def sample(finding: Finding, chosen: NDArray[np.int64]) -> Samples:
 
     It computes `statistics.standard_error` for all draws at once.
     """
-    differences = np.array(finding.differences)
+    differences = np.array(finding.found.differences)
     values = (differences - interquartile_mean(differences))[chosen]
     seeds = values.shape[1]
     cut = int(TRIM * seeds)
@@ -195,13 +195,13 @@ def p_values(finding: Finding, samples: Samples | None, size: float, draws: int)
     """Return the p-values of a part in each draw, for an effect of a size in margins."""
     if samples is None:
         return np.ones(draws), np.ones(draws), None
-    if finding.margin is None:
+    if finding.found.margin is None:
         return samples.p_above(0.0, 0.0), samples.p_below(0.0, 0.0), None
     if finding.claimed is Claimed.no_more:
-        return samples.p_below(finding.margin, 0.0), samples.p_above(finding.margin, 0.0), None
-    truth = size * finding.margin
+        return samples.p_below(finding.found.margin, 0.0), samples.p_above(finding.found.margin, 0.0), None
+    truth = size * finding.found.margin
     p, against = samples.p_above(0.0, truth), samples.p_below(0.0, truth)
-    return p, against, samples.p_below(finding.margin, truth)
+    return p, against, samples.p_below(finding.found.margin, truth)
 
 
 def mean_counts(draws: Sequence[Sequence[Grade]]) -> Counts:

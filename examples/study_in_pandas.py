@@ -2,7 +2,7 @@
 
     python examples/study_in_pandas.py outputs/quick_study/report/runs.csv
 
-A row of `runs.csv` is a run, a column a metric (docs/analysis-plan.md says what each is). Runs of one seed
+A row of `runs.csv` is a run, a column a metric (what it is: studies/paper/analysis-plan.md). Runs of one seed
 share their source network, so differences are taken within a seed.
 """
 

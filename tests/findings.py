@@ -19,12 +19,12 @@ import yaml
 from scipy.stats import norm
 
 from ship_trl.cli.ask import answers
-from ship_trl.study.claims.grades import Grade
-from ship_trl.study.margins import margins
 from ship_trl.study.report.forest import measure_forests
 from ship_trl.study.study import Study, read_study
+from studies.paper.claims import claims as paper_claims
+from studies.paper.judge import Grade
 from tests.command import ROOT
-from tests.study.test_confirmatory import FOLDER, REPORT, SEEN
+from tests.studies.paper.test_confirmatory import FOLDER, REPORT, SEEN
 
 PAGES = ("docs/findings.md", "README.md")
 LONG = ROOT / "outputs/paper_high"
@@ -57,9 +57,8 @@ def rewrite(text: str, study: Study) -> str:
 
 def measure(question: str, numbers: str, study: Study, seeds: int = SEEN) -> str:
     """Return the numbers of one contrast, in the form and with the decimals of `numbers`."""
-    (finding,) = answers(study, [" ".join(question.split())], seeds)
-    one = finding.estimate
-    greedy = [beside.value for name, beside in finding.beside.items() if name.startswith("greedy")]
+    (one,) = answers(study, [" ".join(question.split())], seeds)
+    greedy = [beside.value for name, beside in one.beside.items() if name.startswith("greedy")]
     values = iter([one.value, one.low, one.high, *greedy])
     return re.sub(NUMBER, lambda m: f"{next(values):+.{len(m[0].partition('.')[2])}f}", numbers)
 
@@ -140,11 +139,11 @@ def of_runs() -> list[str]:
 
 def of_arms(study: Study) -> list[str]:
     """Return what is counted of arms: shares of what could be gained, and intervals above and below zero."""
-    gains = yaml.safe_load((ROOT / "conf/analysis.yaml").read_text())["gains"]
+    gains = yaml.safe_load((ROOT / "studies/paper/analysis.yaml").read_text())["gains"]
 
     def every(where: str, words: str) -> pd.DataFrame:
         found = answers(study, [f"{where}: {arm} {words}" for arm in ARMS], SEEN)
-        ends = [[one.estimate.value, one.estimate.low, one.estimate.high] for one in found]
+        ends = [[one.value, one.low, one.high] for one in found]
         return pd.DataFrame(ends, [f"{where} {arm}" for arm in ARMS], ["value", "low", "high"])
 
     area = pd.concat(every(pair, "above scratch (area)") for pair in PAIRS)
@@ -174,11 +173,12 @@ def of_forests(study: Study) -> list[str]:
     """Return what FTW gains in greedy returns, and whose interval alone lies above the margin's share."""
     forests = measure_forests(study)
     high, low, lowest = (f"{100 * forest.gains['FTW'].value:.0f} %" for forest in forests)
+    margin = study.claims.margin or 0.0
     alone = set.intersection(
-        *({arm for arm, one in forest.gains.items() if one.low > margins().margin} for forest in forests)
+        *({arm for arm, one in forest.gains.items() if one.low > margin} for forest in forests)
     )
     questions = [f"{pair}: FTW above {arm} (greedy area)" for pair in PAIRS for arm in ARMS[:-1]]
-    beaten = sum(one.estimate.low > 0 for one in answers(study, questions, SEEN))
+    beaten = sum(one.low > 0 for one in answers(study, questions, SEEN))
     whose = "Its interval alone lies" if alone == {"FTW"} else "Not its interval alone lies"
     return [
         f"{high} of what could be gained in high, {low} in low, {lowest} in lowest, in greedy returns",
@@ -239,7 +239,7 @@ def of_second_study() -> list[str]:
 
 def main() -> None:
     """Rewrite the pages, and print the facts that they lack."""
-    study = read_study(FOLDER)
+    study = read_study(FOLDER, paper_claims())
     for page in PAGES:
         before = (ROOT / page).read_text()
         after = rewrite(before, study)

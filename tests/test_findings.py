@@ -4,16 +4,17 @@ import re
 
 import pytest
 
-from ship_trl.study.claims.grades import Grade
 from ship_trl.study.study import Study, read_study
+from studies.paper.claims import claims
+from studies.paper.judge import Grade
 from tests.command import ROOT
 from tests.findings import NUMBER, NUMBERS, PAGES, facts, of_grades, rewrite, verdicts
-from tests.study.test_confirmatory import FOLDER
+from tests.studies.paper.test_confirmatory import FOLDER
 
 
 @pytest.fixture(scope="module")
 def study() -> Study:
-    return read_study(FOLDER)
+    return read_study(FOLDER, claims())
 
 
 @pytest.mark.parametrize("page", PAGES)

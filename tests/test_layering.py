@@ -15,11 +15,6 @@ ROOMS = (
 EXCEPTIONS = {("study", "ship_trl.cli")}
 # What a user's `import ship_trl` offers, in functions: any room.
 TOP = "__init__"
-# The rooms of a study likewise.
-STUDY = (
-    "plan", "rules", "manifest", "records", "tables", "metrics", "statistics", "margins", "study", "compare",
-    "transfer_metrics", "claims", "report", "launch",
-)  # fmt: skip
 # Checks come before torch: no file of these imports it at its top.
 WITHOUT_TORCH = (
     "config", "files", "cli", "__main__", "sim/cases", "sim/suites", "transfer/similarity",
@@ -58,15 +53,6 @@ def test_imports_point_down(path: Path) -> None:
             other = name.split(".")[1]
             is_exception = any(own == one and name.startswith(module) for one, module in EXCEPTIONS)
             assert ROOMS.index(other) <= ROOMS.index(own) or is_exception, f"{own} must not import {name}"
-
-
-@pytest.mark.parametrize("path", sorted((PACKAGE / "study").rglob("*.py")), ids=lambda p: p.stem)
-def test_rooms_of_the_study_lie_on_one_another(path: Path) -> None:
-    own = path.relative_to(PACKAGE / "study").parts[0].removesuffix(".py")
-    for name in imports(path) if own in STUDY else ():
-        other = name.split(".")[2] if name.startswith("ship_trl.study.") else own
-        if other in STUDY:
-            assert STUDY.index(other) <= STUDY.index(own), f"{own} must not import {name}"
 
 
 def test_the_package_does_not_know_what_is_made_with_it() -> None:

@@ -44,7 +44,7 @@ def worst(record: RunRecord) -> float:
 
 '''
 CONTRAST = 'beats("high", "scratch", "FE3", "collisions")'
-CLAIM = f'    Hypothesis("E7", EXPLORATORY, "FE3 collides less.", [{CONTRAST}]),\n'
+CLAIM = f'    Claim("E7", EXPLORATORY, "FE3 collides less.", [{CONTRAST}]),\n'
 HEADINGS = '"headings": Measure(lambda base, target, _: abs(base.heading - target.heading), nearer=True),'
 # By recipe: file, what stands there, what takes its place; the recipe gives every new line.
 RECIPES = {
@@ -61,7 +61,7 @@ RECIPES = {
         ("ship_trl/learn/loss.py", "    raise ValueError(", f"{LOSS}    raise ValueError("),
     ],
     "metric": [("ship_trl/study/metrics.py", METRICS, f'{METRIC}{METRICS}    "worst": worst,\n')],
-    "claim": [("ship_trl/study/claims/hypotheses.py", "OURS = [\n", f"OURS = [\n{CLAIM}")],
+    "claim": [("studies/paper/claims.py", "OURS = [\n", f"OURS = [\n{CLAIM}")],
     "similarity": [
         (
             "ship_trl/transfer/similarity.py",

@@ -20,9 +20,8 @@ from ship_trl.cli.errors import refusals
 from ship_trl.cli.parser import make_parser
 from ship_trl.config.errors import ConfigError, print_error
 from ship_trl.run.console import show
-from ship_trl.study.claims.questions import ask
-from ship_trl.study.compare import Finding
-from ship_trl.study.statistics import LEVEL
+from ship_trl.study.ask import ask
+from ship_trl.study.statistics import LEVEL, Estimate
 from ship_trl.study.study import Study, finished_study
 
 HEADINGS = ("contrast", "estimate", "95 %", "seeds", "above zero", "beside")
@@ -40,7 +39,7 @@ def main(arguments: list[str] | None = None) -> None:
         show(HEADINGS, map(row, answers(study, options.questions, options.seeds)))
 
 
-def answers(study: Study, questions: list[str], seeds: int | None = None) -> list[Finding]:
+def answers(study: Study, questions: list[str], seeds: int | None = None) -> list[Estimate]:
     """Measure questions on the first `seeds` seeds, or on those of the last look.
 
     Contrasts of `every pair` and `every arm` with too few seeds are left out, and counted on stderr.
@@ -48,20 +47,20 @@ def answers(study: Study, questions: list[str], seeds: int | None = None) -> lis
     shown = study.first(study.whole_looks[-1] if seeds is None else seeds, LEVEL / 2)
     found = []
     for question in questions:
-        tests = ask(shown, question)
+        contrasts = ask(shown, question)
         # A metric that a run has not measured is NaN.
-        measured = [one for test in tests for one in test(shown) if math.isfinite(one.estimate.value)]
+        every = [contrast.measure(shown) for contrast in contrasts]
+        measured = [one for one in every if one is not None and math.isfinite(one.value)]
         if not measured:
             raise ConfigError(f"question: {question!r} needs its metric of two seeds that all its arms have")
-        if few := len(tests) - len(measured):
-            print_error(f"{question}: {few} of {len(tests)} lack it for two common seeds; left out")
+        if few := len(contrasts) - len(measured):
+            print_error(f"{question}: {few} of {len(contrasts)} lack it for two common seeds; left out")
         found += measured
     return found
 
 
-def row(finding: Finding) -> list[str]:
+def row(found: Estimate) -> list[str]:
     """Format a contrast, with the number of seeds above zero."""
-    above = f"{sum(value > 0 for value in finding.differences)} of {finding.seeds}"
-    beside = ", ".join(f"{name} {one.value:+.3f} ({one.interval()})" for name, one in finding.beside.items())
-    estimate = finding.estimate
-    return [finding.what, f"{estimate.value:+.3f}", estimate.interval(), str(finding.seeds), above, beside]
+    above = f"{sum(value > 0 for value in found.differences)} of {found.seeds}"
+    beside = ", ".join(f"{name} {one.value:+.3f} ({one.interval()})" for name, one in found.beside.items())
+    return [found.what, f"{found.value:+.3f}", found.interval(), str(found.seeds), above, beside]

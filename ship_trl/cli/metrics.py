@@ -81,7 +81,9 @@ def read_arms(words: list[str]) -> dict[str, list[LearningCurve]]:
 
 def report(arms: dict[str, list[LearningCurve]], options: Namespace) -> None:
     """Measure the arms, and print and write what was found."""
-    from ship_trl.study import transfer_metrics as metrics
+    from ship_trl.study import metrics
+    from ship_trl.study.compare import forward_transfer
+    from ship_trl.study.statistics import welch
 
     steps = min(float(curve.steps[-1]) for curves in arms.values() for curve in curves)
     check_steps(arms, steps)
@@ -96,12 +98,12 @@ def report(arms: dict[str, list[LearningCurve]], options: Namespace) -> None:
     measured = metrics.measure_arms(arms, steps, scale)
     (baseline, base), rows = next(iter(measured.items())), []
     for name, values in measured.items():
-        cells = [metrics.estimate(float(one.mean()), [one]).words() for one in values.values()]
+        cells = [welch(float(one.mean()), [one]).words() for one in values.values()]
         rows.append([name, str(len(arms[name])), *cells, ""])
         if name != baseline:
             pairs = [(one, base[key]) for key, one in values.items()]
-            cells = [metrics.estimate(float(a.mean() - b.mean()), [a, b]).words("+") for a, b in pairs]
-            forward = metrics.forward_transfer(values["area"], base["area"])
+            cells = [welch(float(a.mean() - b.mean()), [a, b]).words("+") for a, b in pairs]
+            forward = forward_transfer(values["area"], base["area"])
             rows.append([f"{name} - {baseline}", "", *cells, forward.words("+")])
     show(("arm", "runs", *base, "forward transfer"), rows, options.markdown)
     sys.stdout.write(

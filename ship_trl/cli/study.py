@@ -11,6 +11,7 @@ from ship_trl.config.command import command
 from ship_trl.config.errors import ConfigError, print_error
 from ship_trl.run.console import format_duration
 from ship_trl.run.process import TerminatedError, raise_at_sigterm
+from ship_trl.study.claims import load_claims
 from ship_trl.study.launch import (
     LOG,
     Display,
@@ -23,7 +24,6 @@ from ship_trl.study.launch import (
     write_jobs,
 )
 from ship_trl.study.manifest import run_config, write_plan
-from ship_trl.study.margins import margins
 from ship_trl.study.plan import Job, StudyConfig, plan_jobs, to_study
 from ship_trl.study.report.wandb_summary import REPORT, check_account, log_summary
 from ship_trl.study.tables import has_tables
@@ -67,14 +67,13 @@ def main(arguments: list[str] | None = None) -> None:
                     f"output: {config.folder} holds a study's tables; allowed: another output=FOLDER; "
                     f"{command('keep', '--restore', config.folder, 'FOLDER')} makes one from the tables"
                 )
-            # The report reads the margins, perhaps days from now: check them first.
-            margins()
-            write_plan(jobs, config)
+            claims = load_claims()
+            write_plan(jobs, config, claims.rules)
             left = run_study(jobs, config)
             if len(left) < len(jobs):
                 from ship_trl.study.report.write import report
 
-                report(config.folder, config.folder / REPORT)
+                report(config.folder, config.folder / REPORT, claims=claims)
                 log_summary(config)
             say(json.dumps({"runs": len(jobs), "missing": len(left), "folder": str(config.folder)}))
     except KeyboardInterrupt:

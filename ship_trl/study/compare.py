@@ -1,37 +1,22 @@
-"""Contrasts between arms: estimate, interval, and the p-values behind verdicts."""
+"""Compare arms: weighted sums of them within each seed, gains over scratch, and forward transfer."""
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from dataclasses import dataclass, field, replace
-from enum import StrEnum
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
 
 import numpy as np
 
-from ship_trl.study.margins import margin
-from ship_trl.study.metrics import TIMES, curve, has_reached, measure
-from ship_trl.study.statistics import (
-    LEVEL,
-    Estimate,
-    Sample,
-    estimate_mean,
-    min_detectable_effect,
-    p_above,
-    p_below,
-    p_within,
-    spread_test,
-    standard_error,
-)
-from ship_trl.study.study import Place, Places, Study
+from ship_trl.study.metrics import METRICS, TIMES, measure
+from ship_trl.study.plan import Place
+from ship_trl.study.statistics import Estimate, Sample, estimate_mean, welch
+from ship_trl.study.study import Places, Study
 
-# With fewer seeds there is no verdict: two or three cannot show how seeds vary.
+# With fewer seeds no interval is shown of an arm: two or three cannot show how seeds vary.
 MIN_SEEDS = 5
 # The seed of all resampling, so that the same study gives the same report.
 SEED = 2022
-SPREAD = "spread"
-# Times can be equivalent only if at least this share of each arm's runs reaches the threshold.
-MIN_REACHED = 0.75
-# Further metrics reported beside a metric; they decide nothing.
+# Further metrics reported beside a metric.
 SENSITIVITY = {
     "area": ("greedy area",),
     "asymptote": ("greedy asymptote",),
@@ -39,140 +24,84 @@ SENSITIVITY = {
 }
 
 
-class Verdict(StrEnum):
-    """What the runs say about a claim."""
-
-    supported = "supported"
-    contradicted = "contradicted"
-    equivalent = "equivalent"
-    inconclusive = "inconclusive"
-
-
-class Claimed(StrEnum):
-    """What a claim says about a contrast."""
-
-    above = "above zero"
-    no_more = "not above the margin"
-
-
 @dataclass(frozen=True)
-class Finding:
-    """A measured contrast; positive is the claimed direction.
-
-    Estimate, interval and p-values are of the interquartile mean over seeds of the difference within a seed,
-    or of the logarithm of a ratio of spreads. All p-values are one-sided.
-
-    `p` is for the claim, `against` for its opposite, `adjusted` is `against` adjusted by Holm's method over
-    all contrasts of the figure, and `within` is for a difference within the margin (1 without a margin).
-    `error` is the standard error; spreads have none. `beside` holds the same contrast in further metrics.
-    `differences` are by seed; spreads have none.
-    """
+class Contrast:
+    """A sum of arms with `weights` within each seed, in a metric; `what` says it in words."""
 
     what: str
     metric: str
-    estimate: Estimate
-    p: float
-    against: float
-    seeds: int
-    claimed: Claimed = Claimed.above
-    margin: float | None = None
-    within: float = 1.0
-    error: float = np.nan
-    adjusted: float = 1.0
-    verdict: Verdict = Verdict.inconclusive
-    beside: Mapping[str, Estimate] = field(default_factory=dict)
-    differences: tuple[float, ...] = ()
+    places: Places
+    weights: Mapping[str, float]
 
-    @property
-    def as_claimed(self) -> bool:
-        """Whether the estimate, however uncertain, agrees with the claim."""
-        value = self.estimate.value
-        return value > 0 if self.claimed is Claimed.above else value <= (self.margin or 0.0)
+    def measure(self, study: Study) -> Estimate | None:
+        """Return the interquartile mean over seeds at the study's level; None below two common seeds."""
+        runs = study.matched(self.places)
+        if min(map(len, runs.values()), default=0) < 2:
+            return None
 
-    def min_detectable(self, level: float = LEVEL / 2) -> float:
-        """Return the least difference that these seeds detect four times in five at a level."""
-        return min_detectable_effect(self.seeds, level) * self.error
+        def differences(metric: str) -> Sample:
+            parts = [
+                share * np.array([measure(run, metric) for run in runs[name]])
+                for name, share in self.weights.items()
+            ]
+            return np.sum(parts, axis=0)
 
-
-@dataclass(frozen=True)
-class Gain(Estimate):
-    """How much an arm is above scratch, and over how many seeds."""
-
-    seeds: int
+        values = differences(self.metric)
+        others = SENSITIVITY.get(self.metric, ())
+        return replace(
+            estimate_mean(values, study.level),
+            what=self.what,
+            metric=self.metric,
+            differences=tuple(map(float, values)),
+            beside={name: estimate_mean(differences(name), study.level) for name in others},
+        )
 
 
-def contrast(
-    what: str,
-    metric: str,
-    differences: Sample,
-    margin: float | None = None,
-    claimed: Claimed = Claimed.above,
-    level: float = LEVEL / 2,
-) -> Finding:
-    """Measure differences by seed, [S]; the interval leaves out `level` at each end."""
-    if claimed is Claimed.above:
-        p, against = p_above(differences), p_below(differences)
-    elif margin is not None:
-        p, against = p_below(differences, margin), p_above(differences, margin)
-    else:
-        p, against = 1.0, 1.0
-    return Finding(
-        what,
-        metric,
-        estimate_mean(differences, level),
-        p,
-        against,
-        seeds=len(differences),
-        claimed=claimed,
-        margin=margin,
-        within=1.0 if margin is None else p_within(differences, margin),
-        error=standard_error(differences)[0],
-        differences=tuple(map(float, differences)),
-    )
+def comparative(metric: str) -> str:
+    """Return the word for the better side of a contrast."""
+    return "sooner than" if metric in TIMES else "above"
 
 
-def measure_levels(
-    study: Study,
-    what: str,
-    places: Places,
-    weights: Mapping[str, float],
-    metric: str,
-    claimed: Claimed = Claimed.above,
-) -> list[Finding]:
-    """Measure a weighted sum of arms within each seed; return nothing for fewer than two common seeds."""
-    runs = study.matched(places)
-    if min(map(len, runs.values()), default=0) < 2:
-        return []
-
-    def differences(of: str) -> Sample:
-        parts = [share * np.array([measure(r, of) for r in runs[name]]) for name, share in weights.items()]
-        return np.sum(parts, axis=0)
-
-    bound = margin(next(iter(runs.values()))[0].target, metric)
-    # Times of runs that never reach the threshold are equal without being alike.
-    if metric in TIMES and min(np.mean([*map(has_reached, arm)]) for arm in runs.values()) < MIN_REACHED:
-        bound = None
-    found = contrast(f"{what} ({metric})", metric, differences(metric), bound, claimed, study.level)
-    beside = {name: estimate_mean(differences(name), study.level) for name in SENSITIVITY.get(metric, ())}
-    return [replace(found, beside=beside)]
+def joined(arms: Sequence[str]) -> str:
+    """Name some arms as one side of a contrast."""
+    return arms[0] if len(arms) == 1 else f"mean of {', '.join(arms)}"
 
 
-def measure_spread(study: Study, where: str, places: Places, steady: str, other: str) -> list[Finding]:
-    """Measure how much less one arm's curves vary over seeds than another's."""
-    runs = study.matched(places)
-    if min(map(len, runs.values())) < 2:
-        return []
-    one, two = (np.stack([curve(record) for record in runs[name]]) for name in (steady, other))
-    estimate, p, against = spread_test(one, two, SEED, study.level, study.max_permutations)
-    what = f"{where}: {steady} varies less than {other} ({SPREAD}; logarithm of the ratio)"
-    return [Finding(what, SPREAD, estimate, p, against, seeds=len(one))]
+def mean_difference(better: Sequence[str], worse: Sequence[str]) -> dict[str, float]:
+    """Return the weights of the mean of some arms less the mean of others."""
+    weights = dict.fromkeys(better, 1 / len(better))
+    for arm in worse:
+        weights[arm] = weights.get(arm, 0.0) - 1 / len(worse)
+    return weights
 
 
-def gain(study: Study, place: Place, scratch: Place, metric: str = "area") -> Gain | None:
+def weighted(where: str, what: str, places: Places, weights: Mapping[str, float], metric: str) -> Contrast:
+    """Make a contrast of a weighted sum of arms, with the opposite sign for times, where less is better."""
+    if metric not in METRICS:
+        raise ValueError(f"{where}, {what}: no metric {metric}; allowed: {', '.join(METRICS)}")
+    sign = -1.0 if metric in TIMES else 1.0
+    signed = {name: sign * weight for name, weight in weights.items()}
+    return Contrast(f"{where}: {what} ({metric})", metric, {name: places[name] for name in weights}, signed)
+
+
+def gain(study: Study, place: Place, scratch: Place, metric: str = "area") -> Estimate | None:
     """Return how much an arm is above scratch, at the study's level; None without common seeds."""
     runs = study.matched({"arm": place, "scratch": scratch})
     arm, other = (np.array([measure(run, metric) for run in runs[name]]) for name in ("arm", "scratch"))
-    if not len(arm):
-        return None
-    found = estimate_mean(arm - other, study.level)
-    return Gain(found.value, found.low, found.high, len(arm))
+    return estimate_mean(arm - other, study.level) if len(arm) else None
+
+
+def forward_transfer(area: Sample, baseline: Sample, paired: bool = False) -> Estimate:
+    """Return (area - baseline's) / (1 - baseline's), by mean areas (Continual World; Wolczyk et al., 2021).
+
+    1 is all that could be gained, 0 nothing; NaN where the baseline leaves nothing to gain. The 95 % interval
+    is Student's, or Welch's unless run k of both is `paired` by its seed, of the ratio's linear part in the
+    two means (the delta method).
+    """
+    left = 1.0 - float(baseline.mean())
+    if left <= 0:
+        return Estimate(np.nan, np.nan, np.nan)
+    value = float(area.mean() - baseline.mean()) / left
+    # The ratio's derivatives by the mean areas are 1 / left and -(1 - value) / left.
+    own, other = area / left, (1.0 - value) * baseline / left
+    return welch(value, [own - other] if paired else [own, other])

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 import json
+from collections.abc import Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Annotated, Any
@@ -24,8 +25,8 @@ from ship_trl.config.world import world_values
 from ship_trl.files.disk import atomic_write, read_json
 from ship_trl.grid.compose import quote_text
 from ship_trl.sim.suites import load_suite
+from ship_trl.study.claims import stamp
 from ship_trl.study.plan import PAIRS, Job, StudyConfig
-from ship_trl.study.rules import stamp
 
 PLAN = "study.json"
 STAMP = {"digest", "commit", "begun"}
@@ -37,7 +38,7 @@ Seeds = Annotated[list[int], rule("a list of seeds", bool)]
 
 @dataclass(frozen=True)
 class Plan:
-    """The checked parts of a study.json; old ones lack `judged` and `rules` (see `rules.stamp`)."""
+    """The checked parts of a study.json; old ones lack `judged` and `rules` (see `stamp`)."""
 
     settings: dict[str, Any]
     cases: dict[str, str]
@@ -77,8 +78,10 @@ def run_config(config: StudyConfig) -> Config:
         raise ConfigError(f"overrides: {explain_hydra(error).removeprefix('overrides: ')}") from None
 
 
-def write_plan(jobs: list[Job], config: StudyConfig) -> None:
+def write_plan(jobs: list[Job], config: StudyConfig, rules: Sequence[Path] = ()) -> None:
     """Make the study's folder and write study.json; more seeds or arms may be added later.
+
+    `rules` are the files that say how the study is judged.
 
     Raises:
         ConfigError: the folder cannot be written, or holds a study with other settings.
@@ -104,7 +107,7 @@ def write_plan(jobs: list[Job], config: StudyConfig) -> None:
         "cases": known | cases,
         # Seeds that are added later are not judged, and the rules stay those of the beginning.
         "judged": begun.get("judged", list(config.numbers)),
-        "rules": begun.get("rules", stamp()),
+        "rules": begun.get("rules", stamp(rules)),
         "jobs": [dataclasses.asdict(job) for job in jobs],
     }
     try:

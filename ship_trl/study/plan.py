@@ -79,6 +79,40 @@ JOB_KEYS = (
 )
 
 
+# The parts of a study, which are its folders: figures 5 to 7, figure 9, our controls, and further sources.
+PAIRS, REUSE, CONTROLS, SOURCES = "pairs", "reuse", "controls", "sources"
+LOW, ONE = f"{REUSE}/epsilon_low", f"{REUSE}/epsilon_1"
+# Case 2's network trained on case 2 alone, as the other sources are; reused with the low epsilon.
+ALONE = f"{REUSE}/alone"
+PARTS = (SOURCES, PAIRS, CONTROLS, LOW, ONE, ALONE)
+# Cases whose networks are reused on the new case too: the paper's sources, and targets of its pairs.
+OTHER_SOURCES, FURTHER_SOURCES = ("1", "3", "5"), ("4", "6")
+LOW_EPSILON = 0.1
+# An arm's place in a study: part, pair (or another label), arm.
+Place = tuple[str, str, str]
+Places = Mapping[str, Place]
+
+
+def reuse_label(source: str) -> str:
+    """Return the label of a case's network on the new case."""
+    return f"{source}-{NEW_CASE}"
+
+
+# The networks on the new case, with the starting epsilon, which is low where none is named. Each "case N" was
+# trained on its case alone, the reused network on two cases.
+SOURCE_CASES = tuple(sorted((REUSED_CASE, *OTHER_SOURCES, *FURTHER_SOURCES)))
+REUSED: Places = {
+    "reused, low": (LOW, reuse_label(REUSED_CASE), REUSED_ARM),
+    "reused, 1": (ONE, reuse_label(REUSED_CASE), REUSED_ARM),
+    "scratch, low": (LOW, NEW_CASE, SCRATCH),
+    "scratch, 1": (ONE, NEW_CASE, SCRATCH),
+    **{
+        f"case {case}": (ALONE if case == REUSED_CASE else LOW, reuse_label(case), REUSED_ARM)
+        for case in SOURCE_CASES
+    },
+}
+
+
 @dataclass
 class StudyWandb:
     """The wandb project of a study."""
@@ -212,19 +246,6 @@ def read_option(group: str, name: str) -> Mapping[str, Any]:
     return MappingProxyType(values)
 
 
-# The parts of a study, which are its folders: figures 5 to 7, figure 9, our controls, and further sources.
-PAIRS, REUSE, CONTROLS, SOURCES = "pairs", "reuse", "controls", "sources"
-LOW, ONE = f"{REUSE}/epsilon_low", f"{REUSE}/epsilon_1"
-# Case 2's network trained on case 2 alone, as the other sources are; reused with the low epsilon.
-ALONE = f"{REUSE}/alone"
-PARTS = (SOURCES, PAIRS, CONTROLS, LOW, ONE, ALONE)
-# Cases whose networks are reused on the new case too: the paper's sources, and targets of its pairs.
-OTHER_SOURCES, FURTHER_SOURCES = ("1", "3", "5"), ("4", "6")
-LOW_EPSILON = 0.1
-# An arm's place in a study: part, pair (or another label), arm.
-Place = tuple[str, str, str]
-
-
 @dataclass(frozen=True)
 class Job:
     """A run of a study.
@@ -346,11 +367,6 @@ def source_folder(job: Job, config: StudyConfig) -> Path | None:
     if "source_file" in job.values:
         return Path(job.values["source_file"]).parent.relative_to(config.folder.absolute())
     return Path(*source_place(config, str(job.values["source"])), SCRATCH, f"seed={job.seed}")
-
-
-def reuse_label(source: str) -> str:
-    """Return the label of a case's network on the new case."""
-    return f"{source}-{NEW_CASE}"
 
 
 def scratch_place(part: str, label: str) -> Place:

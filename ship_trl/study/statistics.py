@@ -7,15 +7,14 @@ Tukey and McLaughlin, 1963), so a few collapsed runs do not decide.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
-from dataclasses import dataclass
-from functools import cache
-from math import isfinite, isnan, sqrt
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field
+from math import isfinite, isnan, nan, sqrt
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy import optimize, special, stats
+from scipy import special, stats
 
 Sample = NDArray[np.float64]
 # With this many resamples the ends of a 95 % interval vary by less than a hundredth of its width.
@@ -30,22 +29,33 @@ TRIM = 0.25
 FREEDOM_FACTOR = 0.8
 # Numbers that differ by less are equal.
 TOLERANCE = 1e-12
-# O'Brien and Fleming's constants for 1 to 5 looks at a two-sided level of 0.05 (Jennison and Turnbull,
-# 2000, table 2.3): at look k of K the critical z is the constant times the root of K / k.
-OBRIEN_FLEMING = (1.960, 1.977, 2.004, 2.024, 2.040)
 # With fewer seeds an interquartile mean cuts nothing off.
 MIN_BAND_SEEDS, BAND_RESAMPLES = 4, 500
-# Numbers of seeds to try: whole blocks, coarser as they grow.
-SEED_COUNTS = (*range(5, 100, 5), *range(100, 300, 20), *range(300, 1001, 100))
 
 
 @dataclass(frozen=True)
 class Estimate:
-    """A number with its interval; `low` and `high` equal the number where nothing varies."""
+    """A number with its interval, most often a difference; `low` and `high` equal it where nothing varies.
+
+    `what` says what it is, `seeds` of how many, `differences` holds it for each, and `beside` the same in
+    further metrics. `error` is the standard error. `p` is one-sided for what is claimed of it, above zero
+    where nothing else is said, `against` for the opposite, and `within` for a difference within the `margin`;
+    each is 1 where it was not tested.
+    """
 
     value: float
     low: float
     high: float
+    seeds: int = 0
+    what: str = ""
+    metric: str = ""
+    p: float = 1.0
+    against: float = 1.0
+    margin: float | None = None
+    within: float = 1.0
+    error: float = nan
+    differences: tuple[float, ...] = ()
+    beside: Mapping[str, Estimate] = field(default_factory=dict)
 
     def interval(self) -> str:
         """Format the ends of the interval."""
@@ -92,12 +102,12 @@ def standard_error(values: Sample) -> tuple[float, float]:
 
 def estimate_mean(values: Sample, level: float = LEVEL / 2) -> Estimate:
     """Return the interquartile mean over seeds; its interval leaves out `level` at each end."""
-    value = float(interquartile_mean(values))
-    if len(values) < 2:
-        return Estimate(value, -np.inf, np.inf)
+    value, seeds = float(interquartile_mean(values)), len(values)
+    if seeds < 2:
+        return Estimate(value, -np.inf, np.inf, seeds)
     error, freedom = standard_error(values)
     reach = -float(special.stdtrit(freedom, level)) * error if error > TOLERANCE else 0.0
-    return Estimate(value, value - reach, value + reach)
+    return Estimate(value, value - reach, value + reach, seeds, error=error)
 
 
 def p_above(values: Sample, bound: float = 0.0) -> float:
@@ -124,9 +134,21 @@ def p_within(values: Sample, margin: float) -> float:
     return max(p_below(values, margin), p_above(values, -margin))
 
 
-def look_level(look: int, looks: int) -> float:
-    """Return the one-sided level of a look, from 1 to `looks`; all looks together err in 2.5 % a side."""
-    return float(stats.norm.sf(OBRIEN_FLEMING[looks - 1] * sqrt(looks / look)))
+def welch(value: float, samples: Sequence[Sample]) -> Estimate:
+    """Return a mean or a difference of means with Student's or Welch's (1947) 95 % interval.
+
+    `samples` are the independent samples that it is made of. It is unbounded for a sample of one run.
+    """
+    if any(len(one) < 2 for one in samples):
+        return Estimate(value, -np.inf, np.inf)
+    parts = np.array([np.var(one, ddof=1) / len(one) for one in samples])
+    if not parts.sum():
+        return Estimate(value, value, value)
+    freedom = parts.sum() ** 2 / sum(
+        part**2 / (len(one) - 1) for part, one in zip(parts, samples, strict=True)
+    )
+    reach = float(special.stdtrit(freedom, 1 - LEVEL / 2)) * float(np.sqrt(parts.sum()))
+    return Estimate(value, value - reach, value + reach)
 
 
 def bootstrap(samples: Sequence[Sample], statistic: Callable[..., Any], seed: int) -> Estimate:
@@ -197,121 +219,3 @@ def holm(p_values: Sequence[float]) -> list[float]:
 def degrees_of_freedom(seeds: int) -> float:
     """Return the degrees of freedom of an interquartile mean; 0 or less where it has no error."""
     return FREEDOM_FACTOR * (seeds - 2 * int(TRIM * seeds) - 1)
-
-
-@cache
-def min_detectable_effect(seeds: int, level: float = LEVEL / 2, power: float = 0.8) -> float:
-    """Return the least effect, in standard errors, that a one-sided t-test detects with this power.
-
-    The power is a mean over quantiles of a chi distribution, because SciPy's noncentral t fails for few seeds
-    and low levels.
-    """
-    freedom = degrees_of_freedom(seeds)
-    if freedom <= 0:
-        return np.inf
-    quantiles = (np.arange(4_000) + 0.5) / 4_000
-    chi = np.sqrt(stats.chi2.ppf(quantiles, freedom) / freedom)
-    critical = stats.t.isf(level, freedom)
-
-    def missing_power(effect: float) -> float:
-        return float(np.mean(stats.norm.sf(critical * chi - effect)) - power)
-
-    return float(optimize.brentq(missing_power, 0.0, 1e9))
-
-
-def seeds_needed(difference: float, error: float, seeds: int, level: float, power: float) -> int | None:
-    """Return how many seeds detect a difference; None if the error is unknown or 1,000 seeds are too few.
-
-    `error` is the standard error with `seeds` seeds; it falls with the root of their number.
-    """
-    if not error > 0:
-        return None
-    # The root of an estimated variance is too small on average.
-    error /= 1 - 1 / (4 * degrees_of_freedom(seeds))
-    for count in SEED_COUNTS:
-        if min_detectable_effect(count, level, power) * error * (seeds / count) ** 0.5 <= difference:
-            return count
-    return None
-
-
-# All permutations of 12 seeds. The smallest p times the contrasts of a figure must allow a decision.
-MAX_PERMUTATIONS = 2**12
-TINY = float(np.finfo(np.float64).tiny)
-
-
-def spread_test(
-    steady: Sample,
-    other: Sample,
-    seed: int,
-    level: float = LEVEL / 2,
-    max_permutations: int = MAX_PERMUTATIONS,
-) -> tuple[Estimate, float, float]:
-    """Test by permutation whether the curves of one arm vary less over seeds than another's, [S, T] each.
-
-    An arm's spread is the standard deviation over seeds, averaged along the curve. The statistic is the
-    logarithm of the ratio of two spreads, divided by its jackknife error, so that it also holds for arms
-    whose seeds vary in different ways (Janssen, 1997). Curves are deviations from their arm's mean curve, so
-    levels do not count. A permutation exchanges the two arms of some seeds; few seeds have all permutations,
-    many have `max_permutations` random ones.
-
-    Returns:
-        The logarithm, with its interval at the one-sided `level`, and the one-sided p-values against `steady`
-        varying at least as much, and at most as much.
-    """
-    one, two = (curves - curves.mean(axis=0) for curves in (steady, other))
-    seeds = len(one)
-    if seeds < 3 or max(np.abs(one).max(), np.abs(two).max()) < TOLERANCE:
-        return Estimate(log_spread_ratio(one, two), -np.inf, np.inf), 1.0, 1.0
-    if 2**seeds <= max_permutations:
-        swaps = (np.arange(2**seeds)[:, None] >> np.arange(seeds)) & 1
-    else:
-        swaps = np.random.default_rng(seed).integers(0, 2, (max_permutations, seeds))
-        swaps[0] = 0
-    ratios, errors = jackknife(one, two, swaps.astype(np.float64))
-    value, error = float(ratios[0]), float(errors[0])  # the first permutation exchanges nothing
-    standard = ratios / np.maximum(errors, TOLERANCE)
-    rounding = 1e-9
-    reach = float(np.quantile(np.abs(standard), 1 - 2 * level)) * error
-    p = [float(np.mean(standard * sign >= standard[0] * sign - rounding)) for sign in (1, -1)]
-    return Estimate(value, value - reach, value + reach), p[0], p[1]
-
-
-def log_spread_ratio(one: Sample, two: Sample) -> float:
-    """Return the logarithm of the spread of curves `two` over that of `one`."""
-    spreads = [max(float(np.std(curves, axis=0, ddof=1).mean()), TINY) for curves in (one, two)]
-    return float(np.log(spreads[1] / spreads[0]))
-
-
-def jackknife(one: Sample, two: Sample, swaps: Sample) -> tuple[Sample, Sample]:
-    """Return log ratios of spreads and their jackknife errors, [P] each.
-
-    The curves of two arms, [S, T], have mean curves of zero. `swaps`, [P, S], are 1 where a permutation
-    exchanges the arms of a seed.
-    """
-    seeds = len(one)
-
-    def ratio(first: tuple[Sample, Sample], second: tuple[Sample, Sample], count: int) -> Sample:
-        spreads = [
-            np.sqrt(np.maximum(squares - total**2 / count, 0.0) / (count - 1)).mean(axis=1)
-            for total, squares in (first, second)
-        ]
-        found: Sample = np.log(np.maximum(spreads[1], TINY) / np.maximum(spreads[0], TINY))
-        return found
-
-    change, change_squared = two - one, two**2 - one**2
-    totals, squares = (one + two).sum(axis=0), (one**2 + two**2).sum(axis=0)
-    total, square = one.sum(axis=0) + swaps @ change, (one**2).sum(axis=0) + swaps @ change_squared
-    left_out = np.empty((seeds, len(swaps)))
-    for k in range(seeds):
-        mine, mine_squared = (
-            values[k] + swaps[:, k : k + 1] * by
-            for values, by in ((one, change[k]), (one**2, change_squared[k]))
-        )
-        first = total - mine, square - mine_squared
-        second = (
-            totals - total - (one[k] + two[k] - mine),
-            squares - square - (one[k] ** 2 + two[k] ** 2 - mine_squared),
-        )
-        left_out[k] = ratio(first, second, seeds - 1)
-    errors = np.sqrt((seeds - 1) / seeds * ((left_out - left_out.mean(axis=0)) ** 2).sum(axis=0))
-    return ratio((total, square), (totals - total, squares - square), seeds), errors

@@ -3,65 +3,41 @@
 from __future__ import annotations
 
 from collections import Counter, defaultdict
-from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from pathlib import Path
 
 from ship_trl.config.errors import ConfigError, print_error
 from ship_trl.files.record import RunRecord
+from ship_trl.study.claims import NO_CLAIMS, Claims
 from ship_trl.study.manifest import Manifest, read_manifest
 from ship_trl.study.plan import (
-    ALONE,
     CONTROLS,
-    FURTHER_SOURCES,
-    LOW,
     NEW_CASE,
-    ONE,
-    OTHER_SOURCES,
     PAIRS,
-    REUSED_ARM,
-    REUSED_CASE,
+    REUSED,
     SCRATCH,
     SCRATCH_PAIR,
     Place,
-    reuse_label,
+    Places,
     scratch_place,
 )
 from ship_trl.study.records.record import COMPUTED, NO_PART, read_runs
-from ship_trl.study.statistics import LEVEL, MAX_PERMUTATIONS, OBRIEN_FLEMING
+from ship_trl.study.statistics import LEVEL
 from ship_trl.study.tables import LAYERS, Layer, has_tables, read_layers, read_tables
 
-# The number of seeds between looks (docs/analysis-plan.md).
-BLOCK, MAX_LOOKS = 5, len(OBRIEN_FLEMING)
+# The number of seeds between looks, and how many looks there are at most.
+BLOCK, MAX_LOOKS = 5, 5
 
 # By part, pair, arm and seed.
 Records = dict[tuple[str, str, str, int], RunRecord]
-Places = Mapping[str, Place]
-
-# The networks on the new case, with the starting epsilon, which is low where none is named. Each "case N" was
-# trained on its case alone, the reused network on two cases.
-SOURCES = tuple(sorted((REUSED_CASE, *OTHER_SOURCES, *FURTHER_SOURCES)))
-REUSED: Places = {
-    "reused, low": (LOW, reuse_label(REUSED_CASE), REUSED_ARM),
-    "reused, 1": (ONE, reuse_label(REUSED_CASE), REUSED_ARM),
-    "scratch, low": (LOW, NEW_CASE, SCRATCH),
-    "scratch, 1": (ONE, NEW_CASE, SCRATCH),
-    **{
-        f"case {case}": (ALONE if case == REUSED_CASE else LOW, reuse_label(case), REUSED_ARM)
-        for case in SOURCES
-    },
-}
-# The paper's figure of each pair, in its order.
-FIGURES = {"high": "5", "low": "6", "lowest": "7"}
 
 
 @dataclass(frozen=True)
 class Study:
     """The runs of a folder, and the paths that could not be read, with the reason.
 
-    `level` is one-sided, of intervals and tests. `layers` holds similarities of layers, if measured. Tests of
-    spread have up to `max_permutations`.
+    `level` is one-sided, of intervals and tests. `layers` holds similarities of layers, if measured.
     """
 
     records: Records
@@ -69,7 +45,7 @@ class Study:
     plan: Manifest = field(default_factory=Manifest)
     level: float = LEVEL / 2
     layers: list[Layer] = field(default_factory=list)
-    max_permutations: int = MAX_PERMUTATIONS
+    claims: Claims = NO_CLAIMS
 
     @property
     def seeds(self) -> tuple[int, ...]:
@@ -133,17 +109,18 @@ class Study:
         return {name: [by_seed[seed] for seed in seeds] for name, by_seed in runs.items()}
 
 
-def read_study(folder: Path) -> Study:
+def read_study(folder: Path, claims: Claims = NO_CLAIMS) -> Study:
     """Read a study from its tables, or else from the runs below a folder."""
     broken: list[tuple[Path, str]] = []
     found = read_tables(folder)[1] if has_tables(folder) else read_runs(folder, broken)
     records = {(*one.place, one.seed): one for one in found}
-    return Study(records, broken, read_manifest(folder), layers=layers_of(folder, records, broken))
+    layers = layers_of(folder, records, broken)
+    return Study(records, broken, read_manifest(folder), layers=layers, claims=claims)
 
 
-def finished_study(folder: Path, seeds: int | None = None) -> Study:
+def finished_study(folder: Path, seeds: int | None = None, claims: Claims = NO_CLAIMS) -> Study:
     """Read a study with a finished run, or its first `seeds`; name runs that cannot be read on stderr."""
-    study = read_study(folder)
+    study = read_study(folder, claims)
     if seeds is not None:
         if not 1 <= seeds <= len(study.seeds):
             raise ConfigError(f"--seeds: must be from 1 to {len(study.seeds)}, as planned, got {seeds}")
@@ -174,9 +151,8 @@ def layers_of(folder: Path, records: Records, broken: list[tuple[Path, str]]) ->
 
 
 def pairs(study: Study) -> list[str]:
-    """Return the pairs of a study: those of the paper in its order, then others."""
-    found = sorted({pair for part, pair, _ in study.places if part == PAIRS})
-    return [*(pair for pair in FIGURES if pair in found), *(pair for pair in found if pair not in FIGURES)]
+    """Return the pairs of a study, sorted."""
+    return sorted({pair for part, pair, _ in study.places if part == PAIRS})
 
 
 def places_of(study: Study) -> dict[str, dict[str, Place]]:

@@ -1,23 +1,30 @@
 """The simulation of grades: p-values as those of the package, and grades that follow the truth."""
 
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pytest
 
 from benchmarks import grades as benchmark
-from ship_trl.study.claims.grades import Grade, measure_parts
-from ship_trl.study.claims.kinds import Hypothesis, beats, steady
-from ship_trl.study.compare import Claimed, Finding, contrast
-from ship_trl.study.statistics import Estimate, p_below
+from ship_trl.study.statistics import Estimate, Sample, estimate_mean, p_below
+from studies.paper.contrasts import Claimed, Spread, add_p_values, beats
+from studies.paper.judge import Claim, Finding, Grade, measure_parts
 from tests.study.synthetic import make_study, write_study
 
-MARGIN = 0.1
+MARGIN, SHARE = 0.1, 0.2
+
+
+def contrast(
+    what: str, values: Sample, margin: float | None = None, claimed: Claimed = Claimed.above
+) -> Finding:
+    found = replace(estimate_mean(values), what=what, differences=tuple(values.tolist()))
+    return Finding(add_p_values(found, claimed, margin), claimed)
 
 
 def findings(count: int, claimed: Claimed = Claimed.above, seeds: int = 15) -> list[Finding]:
     rng = np.random.default_rng(0)
-    return [contrast(f"{k}", "area", rng.normal(0.3, 0.05, seeds), MARGIN, claimed) for k in range(count)]
+    return [contrast(f"{k}", rng.normal(0.3, 0.05, seeds), MARGIN, claimed) for k in range(count)]
 
 
 @pytest.mark.parametrize("claimed", [*Claimed])
@@ -32,16 +39,16 @@ def test_p_values_of_all_draws_are_those_of_each(claimed: Claimed, seeds: int) -
     is_above = claimed is Claimed.above
     assert (small is not None) is is_above
     for k, seeds_of_draw in enumerate(chosen):
-        differences = np.array(one.differences) - one.estimate.value + (size * MARGIN if is_above else 0.0)
-        expected = contrast("", "area", differences[seeds_of_draw], MARGIN, claimed)
-        assert (p[k], against[k]) == pytest.approx((expected.p, expected.against))
+        differences = np.array(one.found.differences) - one.found.value + (size * MARGIN if is_above else 0.0)
+        expected = contrast("", differences[seeds_of_draw], MARGIN, claimed)
+        assert (p[k], against[k]) == pytest.approx((expected.found.p, expected.found.against))
         if small is not None:
             assert small[k] == pytest.approx(p_below(differences[seeds_of_draw], MARGIN))
 
 
 def test_grades_follow_the_truth() -> None:
     claims = [findings(3), findings(2), findings(1)]
-    counts = benchmark.moved(claims, 20)
+    counts = benchmark.moved(claims, SHARE, 20)
     nothing, margin, gain = counts.values()
     assert [*counts] == ["moved to nothing", "moved to the margin", "moved to what could be gained"]
     assert nothing[Grade.size_excluded] + nothing[Grade.undetermined] > 2.5
@@ -50,24 +57,24 @@ def test_grades_follow_the_truth() -> None:
 
 
 def test_parts_without_a_known_size_stay_at_zero() -> None:
-    spread = Finding("a", "spread", Estimate(0.5, 0.1, 0.9), 0.0, 1.0, 15)
+    spread = Finding(Estimate(0.5, 0.1, 0.9, 15, "a", "spread", 0.0, 1.0))
     (unknown,) = findings(1)
-    unknown = contrast("b", "time", np.array(unknown.differences))
+    unknown = contrast("b", np.array(unknown.found.differences))
     for one in (spread, unknown):
-        gain = benchmark.moved([[*findings(1), one]], 20)["moved to what could be gained"]
+        gain = benchmark.moved([[*findings(1), one]], SHARE, 20)["moved to what could be gained"]
         assert gain[Grade.leaning_for] > 0.8
     (bounded,) = findings(1, Claimed.no_more)
-    assert all(one[Grade.supported] > 0.8 for one in benchmark.moved([[bounded]], 20).values())
-    assert benchmark.moved([[]], 3)["moved to nothing"][Grade.undetermined] == 1
+    assert all(one[Grade.supported] > 0.8 for one in benchmark.moved([[bounded]], SHARE, 20).values())
+    assert benchmark.moved([[]], SHARE, 3)["moved to nothing"][Grade.undetermined] == 1
 
 
 def test_shuffled_labels_show_nothing_where_the_study_shows_much() -> None:
     ends = {("pairs", "high", arm): 0.4 + 0.1 * k for k, arm in enumerate(("scratch", "FE1", "FE2", "FE3"))}
     study = make_study(ends)
     tests = [beats("high", "FE3", "scratch"), beats("high", "FE2", "FE1")]
-    claims = [Hypothesis("A", "5", "", tests), Hypothesis("B", "5", "", [steady("high", "FE1", "FE2")])]
+    claims = [Claim("A", "5", "", tests), Claim("B", "5", "", [Spread("high", "FE1", "FE2")])]
     (parts, _) = measure_parts(study, claims).values()
-    assert max(one.p for one in parts) < 0.001
+    assert max(one.found.p for one in parts) < 0.001
     counts = benchmark.shuffled(study, 10, claims)
     assert counts[Grade.size_excluded] + counts[Grade.undetermined] > 1.6
     assert counts == benchmark.shuffled(study, 10, claims)

@@ -81,7 +81,7 @@ def test_what_is_said_of_other_learners_follows_from_the_kept_studies() -> None:
     gain, with_one, _ = ask.answers(first, words, 15)
     above = [sum(value > 0 for value in one.differences) for one in (less, seen, more, gain)]
     assert above == [1, 7, 10, 15]
-    assert seen.estimate.high / (1 - from_pixels.estimate.value) == pytest.approx(1 / 3, abs=0.05)
+    assert seen.high / (1 - from_pixels.value) == pytest.approx(1 / 3, abs=0.05)
     reach = [
         sum(
             bool(study.records["pairs", "low", "FTW", seed].greedy.goal[0])
@@ -105,12 +105,12 @@ def test_what_is_said_of_other_learners_follows_from_the_kept_studies() -> None:
     page = " ".join(PAGE.read_text().split())
     for sentence in (
         "from numbers it is below scratch in nine of ten seeds; from pixels it is above in seven",
-        f"a third of the {1 - from_pixels.estimate.value:.2f} that scratch leaves is not excluded",
+        f"a third of the {1 - from_pixels.value:.2f} that scratch leaves is not excluded",
         "With three-step targets FTW gains in all ten seeds",
         "in 4 of 10 seeds with three-step targets, and in none with PPO",
-        f"is {with_ppo.estimate.value:.2f} with PPO from numbers",
-        f"{from_pixels.estimate.value:.2f} from pixels, and {with_n_step.estimate.value:.2f} with three-step",
-        f"it is {with_one.estimate.value:.2f}, and FTW gains {gain.estimate.value:.2f} in 15 of 15 seeds",
+        f"is {with_ppo.value:.2f} with PPO from numbers",
+        f"{from_pixels.value:.2f} from pixels, and {with_n_step.value:.2f} with three-step",
+        f"it is {with_one.value:.2f}, and FTW gains {gain.value:.2f} in 15 of 15 seeds",
         f"FTW gains {floored['FTW'][0]} in ten of ten seeds, FT4 {floored['FT4'][0]} in eight",
         f"{share:.0f} % of FTW's gain (floored: {floored_share:.0f} %).",
     ):

@@ -16,7 +16,6 @@ from ship_trl.files.record import RunRecord
 from ship_trl.study.metrics import THRESHOLDS, has_reached, measure
 from ship_trl.study.plan import SCRATCH, Place
 from ship_trl.study.report.panels import (
-    REUSE_TITLE,
     Arm,
     Panel,
     Sections,
@@ -24,6 +23,7 @@ from ship_trl.study.report.panels import (
     lay_out,
     pair_sections,
     reuse_panels,
+    reuse_title,
 )
 from ship_trl.study.report.style import (
     GREY,
@@ -55,7 +55,7 @@ def draw_pair(study: Study, pair: str, width: float) -> Figure | None:
 def draw_reuse(study: Study, width: float) -> Figure | None:
     """Draw figure 9: the networks on the new case; None without runs."""
     panels = reuse_panels(study)
-    return draw_returns(study, {REUSE_TITLE: panels} if panels else {}, width, 4)
+    return draw_returns(study, {reuse_title(study): panels} if panels else {}, width, 4)
 
 
 def draw_returns(study: Study, sections: Sections, width: float, columns: int) -> Figure | None:

@@ -13,7 +13,7 @@ from ship_trl.study.report.curves import draw_differences, draw_pair, draw_reuse
 from ship_trl.study.report.forest import draw_forest
 from ship_trl.study.report.gains import draw_gains
 from ship_trl.study.report.layers import draw_layers
-from ship_trl.study.report.panels import REUSE_TITLE, pair_title
+from ship_trl.study.report.panels import pair_title, reuse_title
 from ship_trl.study.report.style import NARROW, WIDE, as_png, save
 from ship_trl.study.study import Study, pairs
 
@@ -33,7 +33,7 @@ def drawings(study: Study) -> dict[str, tuple[str, Draw]]:
             f"pair_{pair}": (pair_title(study, pair), partial(draw_pair, study, pair))
             for pair in pairs(study)
         },
-        "reuse": (REUSE_TITLE, partial(draw_reuse, study)),
+        "reuse": (reuse_title(study), partial(draw_reuse, study)),
         "differences": ("Differences from scratch along the training", partial(draw_differences, study)),
         "times": ("Time to the threshold", partial(draw_times, study)),
         "gains": ("Gains of transfer, by source and target", partial(draw_gains, study, "area")),

@@ -13,13 +13,12 @@ from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 from matplotlib.patches import Patch
 
-from ship_trl.study.compare import Gain, gain
-from ship_trl.study.margins import margins
+from ship_trl.study.compare import gain
 from ship_trl.study.metrics import measure
 from ship_trl.study.plan import CONTROL_ARMS, FE, FT, PAIRS, WHOLE, rivals, scratch_place
 from ship_trl.study.report.panels import pair_title
 from ship_trl.study.report.style import BLUE, BROWN, DPI, FONT, GREY, NARROW, PALE, SMALL, style_axis
-from ship_trl.study.statistics import TOLERANCE, interquartile_mean
+from ship_trl.study.statistics import TOLERANCE, Estimate, interquartile_mean
 from ship_trl.study.study import Places, Study, pairs, places_of
 
 METRIC = "greedy area"
@@ -44,8 +43,8 @@ class Forest:
     """Gains of a pair by arm, and those of the target's own layers, as shares of what could be gained."""
 
     title: str
-    gains: Mapping[str, Gain]
-    own: Mapping[str, Gain]
+    gains: Mapping[str, Estimate]
+    own: Mapping[str, Estimate]
 
 
 def measure_forests(study: Study) -> list[Forest]:
@@ -68,7 +67,7 @@ def measure_forests(study: Study) -> list[Forest]:
     return forests
 
 
-def shares(study: Study, places: Places, possible: float) -> dict[str, Gain]:
+def shares(study: Study, places: Places, possible: float) -> dict[str, Estimate]:
     """Return the gains of arms as shares of what could be gained, in the order of their rows."""
     found = {}
     for arm in (*ARMS, *rivals(places)):
@@ -87,7 +86,8 @@ def draw_forest(study: Study, width: float) -> Figure | None:
     rows = [*(arm for arm in ARMS if arm in named), *rivals(named)]
     columns = 1 if width == NARROW else min(COLUMNS, len(forests))
     lines = -(-len(forests) // columns)
-    handles, note = legend(forests), fill(describe(forests), int(NOTE_LETTERS * width))
+    margin = study.claims.margin
+    handles, note = legend(forests, margin), fill(describe(forests, margin), int(NOTE_LETTERS * width))
     foot = 0.16 * (note.count("\n") + 2 + (len(handles) if width == NARROW else 1))
     height = lines * (ROW * len(rows) + 0.6) + 0.4 + foot
     figure = Figure((width, height), dpi=DPI[width], layout="constrained")
@@ -101,7 +101,7 @@ def draw_forest(study: Study, width: float) -> Figure | None:
     finite = np.concatenate([np.ravel(ends)[np.isfinite(np.ravel(ends))], [0.0, 1.0]])
     limits = max(LEAST, finite.min()) - 0.05, min(MOST, finite.max()) + 0.05
     for axis, one in zip(axes, forests, strict=False):
-        draw_panel(axis, one, rows)
+        draw_panel(axis, one, rows, margin)
         axis.set(xlim=limits, ylim=(len(rows) - 0.4, -0.6))
         axis.tick_params(labelbottom=True)
     figure.legend(
@@ -118,12 +118,12 @@ def draw_forest(study: Study, width: float) -> Figure | None:
     return figure
 
 
-def draw_panel(axis: Axes, forest: Forest, rows: Sequence[str]) -> None:
-    """Draw the gains of a pair, an arm a row, from the top down."""
+def draw_panel(axis: Axes, forest: Forest, rows: Sequence[str], share: float | None) -> None:
+    """Draw the gains of a pair, an arm a row, from the top down, over the band of the margin's share."""
     style_axis(axis)
     axis.grid(visible=False, axis="y")
-    share = margins().margin
-    axis.axvspan(-share, share, color=PALE, alpha=0.6, linewidth=0)
+    if share is not None:
+        axis.axvspan(-share, share, color=PALE, alpha=0.6, linewidth=0)
     axis.axvline(0, color="black", linewidth=0.8)
     axis.axvline(1, color="black", linewidth=0.8, linestyle="--")
     for row, arm in enumerate(rows):
@@ -138,7 +138,7 @@ def draw_panel(axis: Axes, forest: Forest, rows: Sequence[str]) -> None:
     axis.tick_params(labelsize=FONT, axis="y")
 
 
-def draw_gain(axis: Axes, found: Gain, height: float, mark: Mark) -> None:
+def draw_gain(axis: Axes, found: Estimate, height: float, mark: Mark) -> None:
     """Draw a gain with its interval, where it has one."""
     ends = [found.low, found.high]
     if np.isfinite(ends).all():
@@ -146,27 +146,31 @@ def draw_gain(axis: Axes, found: Gain, height: float, mark: Mark) -> None:
     axis.plot([found.value], [height], **mark)
 
 
-def legend(forests: Sequence[Forest]) -> list[Line2D | Patch]:
+def legend(forests: Sequence[Forest], margin: float | None) -> list[Line2D | Patch]:
     """Return what the legend shows: markers, the band, and the line at all that could be gained."""
     has_controls = any(arm in CONTROL_ARMS for one in forests for arm in one.gains)
     own = [Line2D([], [], label="own layers: the source is the target case", **OWN)]
     best = Line2D([], [], color="black", linewidth=0.8, linestyle="--", label="all that could be gained")
+    words = f"\N{PLUS-MINUS SIGN}{100 * (margin or 0):g} % of that"
+    band = [] if margin is None else [Patch(color=PALE, alpha=0.6, label=words)]
     return [
         Line2D([], [], label="arm", **ARM),
         *([Line2D([], [], label="control", **CONTROL)] if has_controls else []),
         *(own if any(one.own for one in forests) else []),
         best,
-        Patch(color=PALE, alpha=0.6, label=f"\N{PLUS-MINUS SIGN}{100 * margins().margin:g} % of that"),
+        *band,
     ]
 
 
-def describe(forests: Sequence[Forest]) -> str:
+def describe(forests: Sequence[Forest], margin: float | None) -> str:
     """Explain the numbers of the plot."""
     words = (
         "Area under the curve of greedy evaluations less that of scratch, with its 95 % interval. At 0 an "
         "arm is level with scratch; at 1 every evaluation, also the one before training, has the best known "
-        "return. The plan has no margin for greedy returns: the band is the share that it takes of others."
+        "return."
     )
+    if margin is not None:
+        words += " The plan has no margin for greedy returns: the band is the share that it takes of others."
     seeds = sorted({found.seeds for one in forests for found in one.own.values()})
     if seeds:
         count = f"{seeds[0]}" if len(seeds) == 1 else f"{seeds[0]} to {seeds[-1]}"

@@ -12,11 +12,12 @@ from matplotlib.cm import ScalarMappable
 from matplotlib.colors import Normalize
 from matplotlib.figure import Figure
 
-from ship_trl.study.compare import Gain, gain
-from ship_trl.study.margins import possible_gain
+from ship_trl.study.claims import Claims
+from ship_trl.study.compare import gain
 from ship_trl.study.plan import CONTROL_ARMS, FE, FT, NEW_CASE, SCRATCH, WHOLE, rivals, scratch_place
 from ship_trl.study.report.panels import REUSED_NAMES
 from ship_trl.study.report.style import DPI, FONT, NARROW, SMALL
+from ship_trl.study.statistics import Estimate
 from ship_trl.study.study import Study, pairs, places_of
 
 ARMS = (*FE, *CONTROL_ARMS, *FT, WHOLE)
@@ -27,7 +28,7 @@ CELL, COLUMNS, NARROW_COLUMNS, LETTERS_PER_INCH = 0.34, 8, 3, 14
 # On this luminance black and white text have the same contrast.
 MIDDLE_LUMINANCE = 0.18
 # Gains by row.
-Column = dict[str, Gain]
+Column = dict[str, Estimate]
 
 
 @dataclass(frozen=True)
@@ -63,7 +64,7 @@ def measure_gains(study: Study, metric: str) -> dict[str, Column]:
     return columns
 
 
-def split_maps(columns: dict[str, Column], metric: str, width: float) -> list[Map]:
+def split_maps(claims: Claims, columns: dict[str, Column], metric: str, width: float) -> list[Map]:
     """Split columns into maps; the new case has its own map, because its rows are sources."""
     names = [name for name in columns if name != NEW_CASE]
     step = NARROW_COLUMNS if width == NARROW else COLUMNS
@@ -73,7 +74,7 @@ def split_maps(columns: dict[str, Column], metric: str, width: float) -> list[Ma
     for group in groups:
         # For the new case it was measured from epsilon 1, but most of its networks explore from 0.1.
         of_pairs = [name for name in group if name != NEW_CASE]
-        possible = {name: possible_gain(name.split(" to ")[-1], metric) for name in of_pairs}
+        possible = {name: claims.possible_gain(name.split(" to ")[-1], metric) for name in of_pairs}
         known = {name: value for name, value in possible.items() if value}
         maps.append(Map({name: columns[name] for name in group}, known))
     return maps
@@ -85,7 +86,7 @@ def draw_gains(study: Study, metric: str, width: float) -> Figure | None:
     Both metrics share one colour scale, so their figures can be compared.
     """
     gains = {name: measure_gains(study, name) for name in TITLES}
-    maps = split_maps(gains[metric], metric, width)
+    maps = split_maps(study.claims, gains[metric], metric, width)
     if not maps:
         return None
     found = [one for columns in gains.values() for column in columns.values() for one in column.values()]

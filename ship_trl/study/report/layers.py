@@ -6,7 +6,7 @@ import numpy as np
 from matplotlib.figure import Figure
 
 from ship_trl.study.plan import WHOLE
-from ship_trl.study.report.panels import pair_title
+from ship_trl.study.report.panels import cases_of
 from ship_trl.study.report.style import (
     DASHED,
     DOTTED,
@@ -61,7 +61,7 @@ def draw_layers(study: Study, width: float) -> Figure | None:
         style_axis(axis)
         legend_above(axis, names)
         axis.set_xticks(range(len(layers)), layers)
-        axis.set_xlabel(pair_title(study, pair).partition(": ")[2], fontsize=FONT, labelpad=2)
+        axis.set_xlabel(f"pair {pair}, {cases_of(study, pair)}", fontsize=FONT, labelpad=2)
         axis.set_ylim(least - 0.05, 1.05)
         axis.set_yticks([0, 0.5, 1], ["0", "0.5", "1"])
         if k % columns == 0:

@@ -18,6 +18,7 @@ from ship_trl.study.plan import (
     LOW_EPSILON,
     NEW_CASE,
     PAIRS,
+    SOURCE_CASES,
     WHOLE,
     Place,
     control_arm,
@@ -25,9 +26,8 @@ from ship_trl.study.plan import (
     scratch_place,
 )
 from ship_trl.study.report.style import DPI, FONT, NARROW, Look, look_of, style_axis
-from ship_trl.study.study import FIGURES, SOURCES, Study, pairs, places_of
+from ship_trl.study.study import Study, pairs, places_of
 
-REUSE_TITLE = "Figure 9: reuse on the new case"
 EPSILON = "\N{GREEK SMALL LETTER EPSILON}"
 # Names of the reused network in panels.
 REUSED_NAMES = {"reused, low": f"reused, {EPSILON} {LOW_EPSILON:g}", "reused, 1": f"reused, {EPSILON} 1"}
@@ -55,10 +55,19 @@ Sections = Mapping[str, Sequence[Panel]]
 
 
 def pair_title(study: Study, pair: str) -> str:
-    """Return the title of a pair's figure: the paper's number, source and target."""
-    name = f"Figure {FIGURES[pair]}: pair {pair}" if pair in FIGURES else f"Pair {pair}"
+    """Return the title of a pair's figure, with source and target."""
+    return study.claims.title(pair, f"pair {pair}, {cases_of(study, pair)}")
+
+
+def cases_of(study: Study, pair: str) -> str:
+    """Name source and target of a pair."""
     source, target = study.cases(pair)
-    return f"{name}, {f'case {source} to ' if source else ''}case {target}"
+    return f"{f'case {source} to ' if source else ''}case {target}"
+
+
+def reuse_title(study: Study) -> str:
+    """Return the title of the figure of the new case."""
+    return study.claims.title(NEW_CASE, "reuse on the new case")
 
 
 def make_panels(study: Study, name: str, groups: Sequence[Sequence[str]]) -> list[Panel]:
@@ -96,13 +105,13 @@ def grouped_sections(study: Study) -> Sections:
     for pair in pairs(study):
         others = [(arm,) for arm in rivals(places_of(study).get(pair, {}))]
         sections[pair_title(study, pair)] = make_panels(study, pair, (*groups, *others))
-    sections[REUSE_TITLE] = reuse_panels(study, sources_per_panel=2)
+    sections[reuse_title(study)] = reuse_panels(study, sources_per_panel=2)
     return {heading: panels for heading, panels in sections.items() if panels}
 
 
 def reuse_panels(study: Study, sources_per_panel: int = 1) -> list[Panel]:
     """Return panels of the new case: the reused network at both starting epsilons, then single sources."""
-    names = [f"case {case}" for case in SOURCES]
+    names = [f"case {case}" for case in SOURCE_CASES]
     step = sources_per_panel
     groups = [*([name] for name in REUSED_NAMES), *(names[k : k + step] for k in range(0, len(names), step))]
     return make_panels(study, NEW_CASE, groups)

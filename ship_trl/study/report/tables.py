@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import csv
 from collections import defaultdict
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -12,15 +12,12 @@ from typing import Any
 import numpy as np
 
 from ship_trl.config.arm import SCRATCH, Arm, SourceWeights
-from ship_trl.config.errors import one_line
 from ship_trl.files.disk import atomic_write
 from ship_trl.files.record import RunRecord
-from ship_trl.files.table import Cells, read_table
 from ship_trl.sim.cases import load_case, load_world
-from ship_trl.study import transfer_metrics
-from ship_trl.study.claims.grades import Graded
-from ship_trl.study.claims.verdicts import Answer
-from ship_trl.study.compare import MIN_SEEDS, SEED, Finding, Verdict, gain
+from ship_trl.study import compare
+from ship_trl.study.claims import Claims
+from ship_trl.study.compare import MIN_SEEDS, SEED, gain
 from ship_trl.study.metrics import LATER, has_reached, measure, metrics_of
 from ship_trl.study.plan import (
     ALONE,
@@ -40,31 +37,8 @@ from ship_trl.study.transfers import COLUMNS
 from ship_trl.transfer.similarity import ALPHA, BETA, describe_similarity, similarity
 
 Row = dict[str, Any]
-# A table of a hundred contrasts has 50,000 bytes.
-MAX_BYTES = 10_000_000
-# The columns of claims.csv that describe a contrast.
-CONTRAST_CELLS: dict[str, Callable[[Answer, Finding], Any]] = {
-    "contrast": lambda _, found: found.what,
-    "metric": lambda _, found: found.metric,
-    "estimate": lambda _, found: found.estimate.value,
-    "estimate low": lambda _, found: found.estimate.low,
-    "estimate high": lambda _, found: found.estimate.high,
-    "claimed": lambda _, found: found.claimed.value,
-    "p": lambda _, found: found.p,
-    "p against": lambda _, found: found.against,
-    "p against adjusted": lambda _, found: found.adjusted,
-    "margin": lambda _, found: found.margin,
-    "p beyond margin": lambda _, found: found.within,
-    "seeds": lambda _, found: found.seeds,
-    "seen alone": lambda answer, found: found.min_detectable(answer.level),
-    "seen adjusted": lambda answer, found: found.min_detectable(answer.level / answer.claims),
-    "verdict": lambda _, found: found.verdict.value,
-    "beside": lambda _, found: "; ".join(f"{key} {one.value:+.3f}" for key, one in found.beside.items()),
-}
 # A column of arms.csv, as the metrics in `LATER`.
 FORWARD = "forward transfer"
-# The paper's numbers of table 2.
-PAPER_SIMILARITY = {"high": 0.83, "low": 0.45, "lowest": 0.42}
 EQUATION = f"{ALPHA:g} common / ({ALPHA:g} common + {BETA:g} different)"
 
 
@@ -143,7 +117,7 @@ def forward_transfer(study: Study, place: Place) -> Estimate | None:
     if Arm.parse(arm).is_scratch or not runs["arm"]:
         return None
     areas = [np.array([measure(run, "area") for run in runs[name]]) for name in ("arm", "scratch")]
-    found = transfer_metrics.forward_transfer(areas[0], areas[1], paired=True)
+    found = compare.forward_transfer(areas[0], areas[1], paired=True)
     return found if np.isfinite(found.value) else None
 
 
@@ -194,47 +168,17 @@ def layer_rows(study: Study) -> list[Row]:
     return rows
 
 
-def similarity_rows() -> list[Row]:
+def similarity_rows(claims: Claims) -> list[Row]:
     """Return table 2: the similarity of source and target of each pair, the most similar first."""
     world, rows = load_world(), []
     for pair in options("pair"):
         cases = read_option("pair", pair)
         base, target = (load_case(str(cases[key]), world) for key in ("source", "target"))
         row: Row = {"pair": pair, "source": base.name, "target": target.name}
-        row |= {"similarity": similarity(base, target), "paper": PAPER_SIMILARITY.get(pair, "")}
+        row |= {"similarity": similarity(base, target), "paper": claims.similarity.get(pair, "")}
         row["common"], row["different"] = describe_similarity(base, target)
         rows.append(row)
     return sorted(rows, key=lambda row: -row["similarity"])
-
-
-def claim_rows(answers: Sequence[Answer], grades: Mapping[str, Graded]) -> list[Row]:
-    """Return every contrast of every claim, with verdict and grade; one row for a claim without runs.
-
-    Our own contrasts have no grade.
-    """
-    return [
-        {
-            "claim": answer.hypothesis.name,
-            "figure": answer.hypothesis.figure,
-            "sentence": answer.hypothesis.sentence,
-            "claim's verdict": answer.word,
-            "claim's p": answer.p if answer.findings else "",
-            "decided after seeds": answer.decided or "",
-            "seeds wanted": answer.seeds_wanted() or "",
-            **{name: cell(answer, found) if found else "" for name, cell in CONTRAST_CELLS.items()},
-            **grade_cells(grades.get(answer.hypothesis.name), found),
-        }
-        for answer in answers
-        for found in answer.findings or (None,)
-    ]
-
-
-def grade_cells(graded: Graded | None, found: Finding | None) -> Row:
-    """Return the grade of a claim and what a part of it shows; empty cells where there is none."""
-    if graded is None:
-        return {"grade": "", "part": ""}
-    part = graded.parts.get(found.what) if found else None
-    return {"grade": graded.grade.value, "part": part.value if part else ""}
 
 
 def write_csv(path: Path, rows: Sequence[Mapping[str, Any]]) -> None:
@@ -246,21 +190,3 @@ def write_csv(path: Path, rows: Sequence[Mapping[str, Any]]) -> None:
         writer = csv.DictWriter(file, list(rows[0]), lineterminator="\n")
         writer.writeheader()
         writer.writerows(rows)
-
-
-def read_verdicts(path: Path) -> dict[str, tuple[str, str]]:
-    """Read verdict and sentence of each claim from a report's claims.csv.
-
-    Raises:
-        ConfigError: the file is not such a table.
-    """
-    allowed = [*(verdict.value for verdict in Verdict), "no runs"]
-
-    def read(row: Cells) -> tuple[str, tuple[str, str]]:
-        verdict = row["claim's verdict"]
-        if verdict not in allowed:
-            raise ValueError(f"it has the verdict {verdict!r:.50}; allowed: {', '.join(allowed)}")
-        return row["claim"], (verdict, one_line(row["sentence"]))
-
-    names = "claim", "claim's verdict", "sentence"
-    return dict(read_table(path, names, read, MAX_BYTES, "folder", "a report's claims.csv"))

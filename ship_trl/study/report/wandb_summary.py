@@ -40,15 +40,15 @@ def log_summary(config: StudyConfig) -> None:
     import pandas as pd
     import wandb
 
-    from ship_trl.study.report.tables import read_verdicts
-
     folder = config.folder / REPORT
     logged: dict[str, Any] = {png.stem: wandb.Image(str(png)) for png in sorted(folder.glob("*.png"))}
     logged["page"] = wandb.Html(str(folder / "index.html"), inject=False)
     for name in TABLES:
         if (path := folder / f"{name}.csv").exists():
             logged[name] = wandb.Table(dataframe=pd.read_csv(path))
-    verdicts = read_verdicts(folder / "claims.csv")
+    verdicts = {}
+    if (path := folder / "claims.csv").exists():
+        verdicts = pd.read_csv(path).groupby("claim")["claim's verdict"].first().to_dict()
     # A later report of the study replaces this one, because it has the same id.
     digest = hashlib.sha256(str(config.folder.absolute()).encode()).hexdigest()[:12]
     try:
@@ -67,7 +67,7 @@ def log_summary(config: StudyConfig) -> None:
             reinit="finish_previous",
         ) as run:
             run.log(logged)
-            run.summary.update({f"verdict/{name}": verdict for name, (verdict, _) in verdicts.items()})
+            run.summary.update({f"verdict/{name}": verdict for name, verdict in verdicts.items()})
     except (wandb.Error, OSError) as error:
         raise ConfigError(
             f"wandb: {' '.join(str(error).split())}; wandb.mode=offline needs no account"

@@ -40,9 +40,7 @@ def test_what_the_report_needs_comes_back(whole_study: Path, copy: Path, tmp_pat
     keep(["--restore", str(copy), str(tmp_path / "again")])
     before, after = (read_study(folder) for folder in (whole_study, tmp_path / "again"))
     assert before.records.keys() == after.records.keys() and len(after.records) == 9 and not after.broken
-    assert (
-        before.plan.rules and before.plan.seeds == after.plan.seeds and before.plan.rules == after.plan.rules
-    )
+    assert before.plan.seeds == after.plan.seeds and before.plan.rules == after.plan.rules
     for key, record in before.records.items():
         other = after.records[key]
         assert record.best_known == other.best_known

@@ -12,7 +12,7 @@ from ship_trl.study.compare import gain
 from ship_trl.study.report.gains import MIDDLE_LUMINANCE, draw_gains, luminance, measure_gains
 from ship_trl.study.report.style import NARROW, WIDE
 from ship_trl.study.study import Study
-from tests.study.synthetic import BEST, RANDOM, make_study, told, with_curve
+from tests.study.synthetic import BEST, GAIN, MARGINS, RANDOM, make_study, told, with_curve
 
 PAIR = {("pairs", "high", "scratch"): 0.5, ("pairs", "high", "FE1"): 0.7}
 REUSED = {
@@ -73,25 +73,21 @@ def test_reuse_lies_apart_and_no_column_is_blank() -> None:
     assert list(found["new"]) == ["reused, \N{GREEK SMALL LETTER EPSILON} 0.1", "case 2"]
 
 
-def test_the_new_case_has_no_ceiling(
-    gains: dict[str, dict[str, float]], monkeypatch: pytest.MonkeyPatch
-) -> None:
-    monkeypatch.setitem(gains, "new", {"area": 0.34})
-    shown = cells(drawn(make_study({**PAIR, **REUSED}, seeds=6)))
-    assert f"{gains['2']['area']:+.2f}" in shown and "+0.34" not in shown
+def test_the_new_case_has_no_ceiling() -> None:
+    claims = replace(MARGINS, gains={"2": GAIN, "new": {"area": 0.34}})
+    shown = cells(drawn(replace(make_study({**PAIR, **REUSED}, seeds=6), claims=claims)))
+    assert f"{GAIN['area']:+.2f}" in shown and "+0.34" not in shown
 
 
 @pytest.mark.parametrize("width", [WIDE, NARROW])
-def test_a_cell_says_how_sure_its_number_is_and_what_could_be_gained(
-    width: float, gains: dict[str, dict[str, float]]
-) -> None:
+def test_a_cell_says_how_sure_its_number_is_and_what_could_be_gained(width: float) -> None:
     study = make_study({**PAIR, **REUSED}, seeds=6)
     shown = cells(drawn(study, width=width))
     found = gain(study, ("pairs", "high", "FE1"), ("pairs", "high", "scratch"))
     assert found and found.low < found.value < found.high
     assert f"{found.value:+.2f}" in shown and f"{found.low:+.2f} to {found.high:+.2f}" in shown
     # Three cells of a number and its interval, and what could be gained on case 2.
-    assert len(shown) == 7 and f"{gains['2']['area']:+.2f}" in shown
+    assert len(shown) == 7 and f"{GAIN['area']:+.2f}" in shown
     assert len(cells(drawn(study, "greedy area", width))) == 6
 
 

@@ -1,7 +1,6 @@
-"""The page: whole, readable on a narrow screen, and what it says of each claim."""
+"""The page and the verdicts: whole, readable on a narrow screen, and what is said of each claim."""
 
 import base64
-import csv
 import html.parser
 import re
 import struct
@@ -12,14 +11,13 @@ import numpy as np
 import pytest
 
 from ship_trl.cli.report import main
-from ship_trl.study.claims.grades import Grade, Part
-from ship_trl.study.claims.kinds import Hypothesis, beats
-from ship_trl.study.claims.verdicts import ALL, Answer, judge
-from ship_trl.study.compare import Finding, Verdict
-from ship_trl.study.report.page import families, in_a_sentence, scale_of
-from ship_trl.study.statistics import Estimate, min_detectable_effect
-from tests.study.report.conftest import Odd
-from tests.study.synthetic import make_study
+from ship_trl.study.statistics import Estimate
+from studies.paper.claims import ALL
+from studies.paper.contrasts import beats
+from studies.paper.judge import Answer, Claim, Finding, Grade, Part, Verdict, judge, min_detectable_effect
+from studies.paper.report import families, in_a_sentence, scale_of
+from tests.study.report.conftest import Reported
+from tests.study.synthetic import make_study, write_study
 
 
 class Page(html.parser.HTMLParser):
@@ -39,34 +37,28 @@ class Page(html.parser.HTMLParser):
         assert self.open.pop() == tag
 
 
-def page(study: Path) -> str:
-    return (study / "report/index.html").read_text()
-
-
-def claims(study: Path) -> list[dict[str, str]]:
-    with (study / "report/claims.csv").open(newline="") as file:
-        return list(csv.DictReader(file))
-
-
-def verdict(study: Path, name: str) -> str:
+def verdict(reported: Reported, name: str) -> str:
     """The line of a claim in verdicts.md."""
-    lines = (study / "report/verdicts.md").read_text().splitlines()
+    lines = reported.read("verdicts.md").splitlines()
     (line,) = (line for line in lines if line.startswith(f"| {name} "))
     return line
 
 
-def test_the_page_is_whole_and_needs_nothing_else(study: Path) -> None:
-    read, text = Page(), page(study)
+def test_the_page_is_whole_and_needs_nothing_else(reported: Reported) -> None:
+    read, text = Page(), reported.read("index.html")
     read.feed(text)
     assert read.open == [] and all(link.startswith("data:") for link in read.fetched)
-    assert "50 runs of the profile quick, 60 episodes each, 5 seeds" in text
+    assert "30 runs of the profile quick, 60 episodes each, 5 seeds" in text
     # What is too wide for a narrow screen is scrolled in itself.
     assert len(re.findall(r"<table", text)) == len(re.findall(r'<div class="wide"><table', text))
     assert text.count('<section class="card">') == 5 and 'class="verdict supported"' in text
+    # Of each look it says what it could see; five seeds without a plan are all.
+    seen = re.search(r"level 0.02500, which detects a difference of\s+([\d.]+) standard", text)
+    assert seen and float(seen[1]) == pytest.approx(min_detectable_effect(5, 0.025), abs=0.05)
 
 
-def test_each_figure_has_a_form_for_narrow_screens(study: Path) -> None:
-    text = page(study)
+def test_each_figure_has_a_form_for_narrow_screens(reported: Reported) -> None:
+    text = reported.read("index.html")
     found = re.findall(
         r'<picture>\n<source media="\(max-width: 64rem\)" srcset="data:image/png;base64,([^"]*)">\n'
         r'<img src="data:image/png;base64,([^"]*)"',
@@ -82,98 +74,66 @@ def test_each_figure_has_a_form_for_narrow_screens(study: Path) -> None:
         assert size(narrow)[0] < 700 < 1200 < size(wide)[0]
 
 
-def test_verdicts_are_a_markdown_table(study: Path) -> None:
-    head, _, counts, _, *lines = (study / "report/verdicts.md").read_text().splitlines()
-    assert "95 % after 5 seeds" in head and counts.startswith("Grades: ")
-    assert len(lines) == 2 + len(ALL) and all(line.count(" | ") == 4 for line in lines)
-    assert "FT2 &lt; FT3 &lt; FT4 &lt; FTW" in verdict(study, "H5h")
-
-
-def test_the_page_begins_with_what_is_decided(study: Path) -> None:
-    rows = {row["claim"]: row for row in claims(study) if row["decided after seeds"]}
-    top, _, _ = page(study).partition("The five conclusions")
+def test_the_page_begins_with_what_is_decided(reported: Reported) -> None:
+    rows = {name: row for name, (row, *_) in reported.claims().items() if row["decided after seeds"]}
+    top, _, _ = reported.read("index.html").partition("The five conclusions")
     assert f"{len(rows)} of {len(ALL)} claims decided" in top and len(rows) > 0
-    assert "<h2>Gains of the pairs in greedy returns</h2>" in top and top.count("<img ") == 1
     told = re.findall(r'<p><span class="verdict (\w+)">\1</span> (\w+): ', top)
-    assert {name: verdict for verdict, name in told} == {
-        name: row["claim's verdict"] for name, row in rows.items()
-    }
+    assert {name: word for word, name in told} == {n: row["claim's verdict"] for n, row in rows.items()}
 
 
-def test_a_claim_without_runs_is_called_so_everywhere(study: Path) -> None:
-    # The study has pair high alone: figure 7 is of pair lowest.
-    line = verdict(study, "H7d")
-    assert line.startswith("| H7d | no runs | undetermined | ") and line.endswith(" | No runs. |")
-    assert {row["claim"] for row in claims(study)} >= {claim.name for claim in ALL}
-    (row,) = (row for row in claims(study) if row["claim"] == "H7d")
-    assert row["claim's verdict"] == "no runs" and row["contrast"] == row["estimate"] == row["verdict"] == ""
-    (cells,) = re.findall(r"<tr><td>H7d</td>.*?</tr>", page(study), re.DOTALL)
-    assert ">no runs</span>" in cells and "inconclusive" not in cells
-
-
-def test_grades_stand_beside_verdicts_everywhere(study: Path) -> None:
-    rows, text = claims(study), page(study)
-    graded = {row["claim"]: row["grade"] for row in rows}
+def test_verdicts_and_grades_are_a_markdown_table(reported: Reported) -> None:
+    head, _, counts, _, *lines = reported.read("verdicts.md").splitlines()
+    graded = {name: row["grade"] for name, (row, *_) in reported.claims().items()}
+    every = [graded[claim.name] for claim in ALL]
+    assert "95 % after 5 seeds" in head
+    assert counts == f"Grades: {', '.join(f'{every.count(grade)} {grade}' for grade in Grade)}."
+    assert counts in reported.read("index.html") and counts in reported.out
+    assert len(lines) == 2 + len(ALL) and all(line.count(" | ") == 4 for line in lines)
+    assert "FT2 &lt; FT3 &lt; FT4 &lt; FTW" in verdict(reported, "H5h")
     assert {name for name, grade in graded.items() if grade} == {claim.name for claim in ALL}
-    assert all(not row["part"] for row in rows if row["grade"] == "" or not row["contrast"])
-    # Every contrast of a claim that is graded shows something; this study has pair high whole.
-    assert {row["part"] for row in rows if row["claim"] == "H5f"} <= {*Part}
-    counted = ", ".join(f"{[graded[c.name] for c in ALL].count(grade)} {grade}" for grade in Grade)
-    summary = f"Grades: {counted}."
-    assert f"<p>{summary}</p>" in text and summary in (study / "report/verdicts.md").read_text()
-    for name in ("C1", "H5f", "H7d"):
-        assert verdict(study, name).split(" | ")[2] == graded[name]
-    (cells,) = re.findall(r"<tr><td>H5f</td>.*?</tr>", text, re.DOTALL)
-    assert f'<span class="grade">{graded["H5f"]}</span>' in cells
-    # Ours are not graded.
-    (cells,) = re.findall(r"<tr><td>E1</td>.*?</tr>", text, re.DOTALL)
-    assert "grade" not in cells and [*rows[0]][-2:] == ["grade", "part"]
+    (first, *_) = reported.claims()["H5d"]
+    assert verdict(reported, "H5d").split(" | ")[2] == first["grade"] and first["part"] in {*Part}
 
 
-def test_a_claim_says_how_many_of_its_contrasts_lean_its_way(study: Path) -> None:
-    values = [float(row["estimate"]) for row in claims(study) if row["claim"] == "H5f"]
-    leaning = sum(value > 0 for value in values)
-    assert len(values) == 9 and f"; {leaning} estimated as claimed ({min(values):+.3f} to " in verdict(
-        study, "H5f"
-    )
+def test_a_claim_without_runs_is_called_so_everywhere(reported: Reported) -> None:
+    # The study has pair high alone: figure 7 is of pair lowest.
+    line = verdict(reported, "H7d")
+    assert line.startswith("| H7d | no runs | undetermined | ") and line.endswith(" | No runs. |")
+    (row,) = reported.claims()["H7d"]
+    assert row["claim's verdict"] == "no runs" and row["contrast"] == row["estimate"] == row["verdict"] == ""
+    (cells,) = re.findall(r"<tr><td>H7d</td>.*?</tr>", reported.read("index.html"), re.DOTALL)
+    assert ">no runs</span>" in cells and "inconclusive" not in cells
+    assert "\nH5d " in reported.out and "\nH7d " not in reported.out and reported.out.count("no runs: ") == 1
 
 
-def test_what_an_earlier_study_said_stands_beside(odd: Odd) -> None:
-    lines = (odd.folder / "report/verdicts.md").read_text().splitlines()
-
-    def claims_with(words: str) -> list[str]:
-        return [row.split(" | ")[0] for row in lines if words in row]
-
-    assert claims_with("An earlier study, by its own rules: contradicted.") == ["| H5a"]
-    assert claims_with('rules, of "less / &lt;b>": supported.') == ["| H5b"]
+def test_what_an_earlier_study_said_stands_beside(odd: Reported) -> None:
+    lines = odd.read("verdicts.md").splitlines()
+    told = [row.split(" | ")[0] for row in lines if 'rules, of "Other words / &lt;b>": contradicted.' in row]
+    assert told == ["| H5a"]
 
 
-@pytest.mark.parametrize("text", ["a,b\n1,2\n", "claim,claim's verdict,sentence\nH5a,<b>,x\n", "\x00\n"])
+@pytest.mark.parametrize("text", ["a,b\n1,2\n", "claim,claim's verdict,sentence\nH5a,<b>,x\n"])
 def test_earlier_verdicts_that_cannot_be_read_are_refused(
     text: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    earlier = tmp_path / "earlier.csv"
-    earlier.write_text(text)
+    write_study(tmp_path, 1, arms=("scratch",))
+    (tmp_path / "earlier.csv").write_text(text)
     with pytest.raises(SystemExit):
         main([str(tmp_path)])
-    told = capsys.readouterr().err
-    assert told.startswith(f"ship_trl: folder: {earlier} ") and told.count("\n") == 1
-    assert list(tmp_path.iterdir()) == [earlier]
+    assert f"ship_trl: folder: {tmp_path / 'earlier.csv'} is not" in capsys.readouterr().err
 
 
-def finding(value: float, reach: float = 0.05, **changes: object) -> Finding:
-    estimate = Estimate(value, value - reach, value + reach)
-    made = Finding("a", "area", estimate, 0.01, 0.99, 15, margin=0.03)
-    return replace(made, **changes)  # type: ignore[arg-type]
+def finding(value: float, reach: float = 0.05, metric: str = "area") -> Finding:
+    return Finding(Estimate(value, value - reach, value + reach, 15, "a", metric, 0.01, 0.99, margin=0.03))
 
 
-def test_each_contrast_has_a_bar_on_the_scale_of_its_unit(study: Path) -> None:
-    rows = [row for row in claims(study) if row["contrast"]]
-    bars = re.findall(r'<svg class="bar bar-(\w+)"', page(study))
+def test_each_contrast_has_a_bar_on_the_scale_of_its_unit(reported: Reported) -> None:
+    rows = [row for row in reported.rows("claims") if row["contrast"]]
+    bars = re.findall(r'<svg class="bar bar-(\w+)"', reported.read("index.html"))
     assert sorted(bars) == sorted(row["verdict"] for row in rows)
     parts = [finding(0.1), finding(1.5, metric="spread"), finding(0.9, metric="start")]
-    answers = [Answer(Hypothesis("H1", "5", "", []), parts)]
-    ((title, _, scales),) = families(answers)
+    ((title, _, scales),) = families([Answer(Claim("H1", "5", "", []), parts)])
     assert title == "Figure 5" and set(scales) == {"difference", "spread", "start"}
     assert scales["spread"].high > 1.5 > scales["difference"].high
 
@@ -182,57 +142,40 @@ def test_a_wide_interval_leaves_room_to_see_the_others() -> None:
     scale = scale_of([finding(0.1, reach=9.0), finding(0.05)])
     assert -0.3 < scale.low < -0.2 and 0.2 < scale.high < 0.3
     assert scale.percent(-9) == 0 and scale.percent(9) == 100 and 40 < scale.percent(0) < 60
-    scale = scale_of([finding(0.4, reach=0.1)])
-    assert scale.low < 0 < 0.5 < scale.high < 0.6
-    for endless in (Estimate(0.1, -np.inf, np.inf), Estimate(0.0, 0.0, 0.0)):
-        scale = scale_of([finding(0.1, estimate=endless)])
+    for reach in (np.inf, 0.0):
+        scale = scale_of([finding(0.1, reach)])
         assert -1 < scale.low < 0 < scale.high < 1
     assert Estimate(0.1, -np.inf, np.inf).interval() == "unbounded"
 
 
-def test_of_open_claims_it_is_said_how_many_seeds_they_want(study: Path) -> None:
-    rows = {row["claim"]: row for row in claims(study)}
+def test_of_open_claims_it_is_said_how_many_seeds_they_want(reported: Reported) -> None:
+    rows = {name: row for name, (row, *_) in reported.claims().items()}
     wanted = {name: row["seeds wanted"] for name, row in rows.items() if row["seeds wanted"]}
     assert wanted and not any(rows[name]["decided after seeds"] for name in wanted)
-    for line in (study / "report/verdicts.md").read_text().splitlines()[6:]:
+    for line in reported.read("verdicts.md").splitlines()[6:]:
         name = line.split(" | ")[0].removeprefix("| ")
         assert (f" {wanted.get(name)} seeds would tell" in line) is (name in wanted)
 
 
-def test_of_each_look_it_is_said_what_it_could_see(study: Path) -> None:
-    text = " ".join(page(study).split())
-    # Without a plan five seeds are all, and are looked at once. Were the error known, 2.8 would be seen.
-    seen = re.search(
-        r"after 5 seeds \(one-sided level 0.02500, which detects a difference of ([\d.]+) standard", text
-    )
-    assert (
-        seen
-        and float(seen[1]) == pytest.approx(min_detectable_effect(5, 0.025), abs=0.05)
-        and float(seen[1]) > 5
-    )
-
-
 def test_a_claim_open_by_the_adjustment_alone_says_what_could_be_seen() -> None:
     made = make_study({("pairs", "high", "FE1"): 0.75, ("pairs", "high", "FE2"): 0.7}, sd=0.06)
-    family = [Hypothesis("A", "5", "", [beats("high", "FE1", "FE2")])]
+    family = [Claim("A", "5", "", [beats("high", "FE1", "FE2")])]
     (one,) = judge(made, family, 15, 0.025)
     # As many other claims as its p can just not bear.
-    family += [
-        Hypothesis(f"B{k}", "5", "", [beats("high", "FE2", "FE1")]) for k in range(int(0.025 / one.p) + 1)
-    ]
-    found, *_ = judge(made, family, 15, 0.025)
+    others = [replace(family[0], tests=[beats("high", "FE2", "FE1")])] * (int(0.025 / one.p) + 1)
+    found, *_ = judge(made, [*family, *others], 15, 0.025)
     assert found.word == "inconclusive" and found.findings[0].verdict is Verdict.supported
     assert "Could see differences from" in in_a_sentence(found)
 
 
-def test_runs_that_were_not_computed_alike_are_counted(odd: Odd) -> None:
-    text = odd.page()
+def test_runs_that_were_not_computed_alike_are_counted(odd: Reported) -> None:
+    text = odd.read("index.html")
     assert re.search(r"Not computed alike, precision: bfloat16 \(1\), float32 \(\d+\)\.", text)
     assert "alike, device" not in text
     assert re.search(r"computed with .*device: cpu \(\d+\); precision: bfloat16 \(1\), float32", text)
 
 
-def test_an_untrusted_study_puts_no_markup_into_the_page(odd: Odd) -> None:
+def test_an_untrusted_study_puts_no_markup_into_the_page(odd: Reported) -> None:
     read = Page()
-    read.feed(odd.page())
-    assert "&lt;img src=x" in odd.page() and not any(place == "x" for place in read.fetched)
+    read.feed(odd.read("index.html"))
+    assert "&lt;img src=x" in odd.read("index.html") and not any(place == "x" for place in read.fetched)

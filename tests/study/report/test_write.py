@@ -20,32 +20,30 @@ from ship_trl.study.metrics import LATER
 from ship_trl.study.report import write
 from ship_trl.study.study import Study
 from tests.command import ROOT, files
-from tests.study.report.conftest import GONE, STAYING, Odd
+from tests.study.report.conftest import GONE, STAYING, Reported
 from tests.study.synthetic import learning, write_planned, write_run, write_study
 
 
-def test_tables_and_figures_lie_beside_it(study: Path) -> None:
-    with (study / "report/runs.csv").open(newline="") as file:
-        rows = list(csv.DictReader(file))
-    assert len(rows) == 50 and 0 < float(rows[0]["area"]) < 1
-    with (study / "report/arms.csv").open(newline="") as file:
-        arms = {row["arm"]: row for row in csv.DictReader(file)}
-    assert (
-        float(arms["FTW"]["area"]) > float(arms["scratch"]["area"])
-        and arms["scratch"]["transfer ratio"] == ""
-    )
+def test_tables_and_figures_lie_beside_it(reported: Reported) -> None:
+    rows = reported.rows("runs")
+    assert len(rows) == 30 and 0 < float(rows[0]["area"]) < 1
+    arms = {row["arm"]: row for row in reported.rows("arms")}
+    assert float(arms["FTW"]["area"]) > float(arms["scratch"]["area"])
     low, value, high = (float(arms["FTW"][f"transfer ratio{end}"]) for end in (" low", "", " high"))
-    assert 0 < low < value < high
+    assert 0 < low < value < high and arms["scratch"]["transfer ratio"] == ""
     for name in ("pair_high", "differences", "times", "gains", "gains_forest"):
         for ending in ("png", "pdf"):
-            assert (study / f"report/{name}.{ending}").stat().st_size > 3_000
+            assert (reported.folder / f"report/{name}.{ending}").stat().st_size > 3_000
 
 
-def test_a_study_that_measured_its_sources_has_further_columns(study: Path, tmp_path: Path) -> None:
+def test_a_study_that_measured_its_sources_has_further_columns(
+    reported: Reported, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
     """The table of another has its old columns; its page says what each arm gained all the same."""
-    columns = (study / "report/arms.csv").read_text().partition("\n")[0].split(",")
+    columns = reported.read("arms.csv").partition("\n")[0].split(",")
     assert not {*LATER, "forward transfer"} & {*columns}
-    assert "<th>forward transfer</th>" in (study / "report/index.html").read_text()
+    assert "<th>forward transfer</th>" in reported.read("index.html")
+    monkeypatch.setattr(write, "draw_all", lambda *_: [])
     rng, source = np.random.default_rng(0), SourceReturns(90.0, -100.0, 20.0, -10.0, -100.0, 100.0)
     for seed in range(5):
         write_run(tmp_path / "pairs", learning(rng, 60, 0.5), seed=seed)
@@ -59,7 +57,44 @@ def test_a_study_that_measured_its_sources_has_further_columns(study: Path, tmp_
     assert "<th>forgetting</th>" in (tmp_path / "report/index.html").read_text()
 
 
-def test_figures_of_an_earlier_report_go_and_other_files_stay(odd: Odd) -> None:
+def test_without_claims_there_are_tables_and_figures_and_no_verdicts(
+    reported: Reported, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.setattr(write, "draw_all", lambda *_: [])
+    write.report(reported.folder, tmp_path)
+    names = {path.name for path in tmp_path.iterdir()}
+    assert names == {"arms.csv", "index.html", "runs.csv", "table_2.csv"}
+    assert (tmp_path / "arms.csv").read_text() == reported.read("arms.csv")
+    page = (tmp_path / "index.html").read_text()
+    assert "<h2>Arms</h2>" in page and "claim" not in page.partition("</style>")[2]
+    assert capsys.readouterr().out == f"30 runs, 0 left out; {tmp_path / 'index.html'}\n"
+
+
+def test_a_claims_file_may_be_ones_own(
+    reported: Reported, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.setattr(write, "draw_all", lambda *_: [])
+    mine = tmp_path / "mine.py"
+    mine.write_text(
+        "from ship_trl.study.claims import Claims, Verdicts\n"
+        "def judge(study, folder):\n"
+        "    return Verdicts([{'claim': 'M1', 'runs': len(study.records)}], 'M1', ['M1 holds'], {})\n"
+        "def claims():\n"
+        "    return Claims(judge)\n"
+    )
+    line = [str(reported.folder), "--output", str(tmp_path / "out"), "--claims"]
+    main([*line, str(mine)])
+    assert capsys.readouterr().out.startswith("M1 holds\n")
+    assert (tmp_path / "out/claims.csv").read_text() == "claim,runs\nM1,30\n"
+    mine.write_text("def claims():\n    return 3\n")
+    for path, said in ((mine, "must return"), (tmp_path / "none.py", "cannot be imported")):
+        with pytest.raises(SystemExit):
+            main([*line, str(path)])
+        error = capsys.readouterr().err
+        assert error.startswith("ship_trl: --claims: ") and said in error and error.count("\n") == 1
+
+
+def test_figures_of_an_earlier_report_go_and_other_files_stay(odd: Reported) -> None:
     left = {path.name for path in (odd.folder / "report").iterdir()}
     assert not left & set(GONE) and {*STAYING, "pair_high.png", "times.pdf"} <= left
 
@@ -85,22 +120,16 @@ def test_the_first_seeds_are_shown_as_if_there_were_no_others(
     assert files(few) == files(five)
 
 
-def test_what_is_broken_is_named_and_the_rest_counted(odd: Odd) -> None:
-    assert odd.err.count("left out") == 5 and "57 runs, 5 left out" in odd.out
+def test_what_is_broken_is_named_and_the_next_look_is_not_judged(odd: Reported) -> None:
+    assert odd.err.count("left out") == 3 and "11 runs, 3 left out" in odd.out
     assert "pairs_old is no part of a study" in odd.err
-    # A seventh seed of each of ten arms; what is broken is named, not missing.
-    assert "10 planned runs are missing" in odd.page() and odd.page().count("<li>") == 5
-
-
-def test_seeds_of_the_next_look_are_told_and_not_judged(odd: Odd) -> None:
+    # A seventh seed of each of two arms; what is broken is named, not missing.
+    assert (
+        "2 planned runs are missing" in odd.read("index.html") and odd.read("index.html").count("<li>") == 3
+    )
+    assert "2 planned runs are missing" in odd.out
     assert "the look after 5 seeds; figures and arms.csv have 1 more" in odd.out
-    assert "10 planned runs are missing" in odd.out
-    # The study has pair high alone.
-    assert "\nH5f " in odd.out and "\nH7d " not in odd.out
-    assert odd.out.count("\nGrades: ") == 1
-    assert odd.out.count("no runs") == 1 and "H7d" in odd.out[odd.out.index("no runs: ") :].splitlines()[0]
-    with (odd.folder / "report/claims.csv").open(newline="") as file:
-        assert {row["seeds"] for row in csv.DictReader(file) if row["contrast"]} == {"5"}
+    assert {row["seeds"] for row in odd.rows("claims") if row["contrast"]} == {"5"}
 
 
 @pytest.mark.parametrize(
@@ -156,25 +185,12 @@ def test_450_runs_take_less_than_a_minute_and_a_gibibyte_without_torch(
 
 
 def test_a_report_never_goes_into_the_studys_own_folder(
-    study: Path, capsys: pytest.CaptureFixture[str]
+    reported: Reported, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    before = files(study)
     with pytest.raises(SystemExit) as caught:
-        main([str(study), "--output", str(study / "report/..")])
+        main([str(reported.folder), "--output", str(reported.folder / "report/..")])
     assert caught.value.code == 1
-    assert "is the study's own folder" in capsys.readouterr().err and files(study) == before
-
-
-def test_a_report_is_written_through_no_link(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    private = tmp_path / "private"
-    private.mkdir()
-    (private / "pair_mine.png").touch()
-    (tmp_path / "study").mkdir()
-    (tmp_path / "study/report").symlink_to(private)
-    with pytest.raises(SystemExit):
-        main([str(tmp_path / "study")])
-    assert f"output: {tmp_path / 'study/report'} is a link" in capsys.readouterr().err
-    assert [path.name for path in private.iterdir()] == ["pair_mine.png"]
+    assert "is the study's own folder" in capsys.readouterr().err
 
 
 def test_a_report_shows_how_far_it_is(

@@ -6,7 +6,7 @@ import re
 from collections.abc import Iterator, Mapping, Sequence
 
 from ship_trl.config.errors import ConfigError
-from ship_trl.study.claims.kinds import Test, comparative, joined, mean_difference, weighted
+from ship_trl.study.compare import Contrast, comparative, joined, mean_difference, weighted
 from ship_trl.study.metrics import METRICS, TIMES
 from ship_trl.study.plan import Place
 from ship_trl.study.study import Study, pairs, places_of
@@ -18,10 +18,10 @@ QUESTION = re.compile(r"([^:]+?) ?: ?(.+?)(?: (above|sooner than) (.+?))?(?: \((
 Known = Mapping[str, Mapping[str, Place]]
 
 
-def ask(study: Study, question: str) -> list[Test]:
-    """Make the tests of a question: one, or one for each of `every pair` and `every arm`.
+def ask(study: Study, question: str) -> list[Contrast]:
+    """Make the contrasts of a question: one, or one for each of `every pair` and `every arm`.
 
-    Without a second arm the test measures the level of the first. `ARM of WHERE` is an arm of another pair
+    Without a second arm a contrast is the level of the first. `ARM of WHERE` is an arm of another pair
     with the same target; scores of two targets cannot be compared.
 
     Raises:
@@ -42,13 +42,13 @@ def ask(study: Study, question: str) -> list[Test]:
     asked = [name for name in known if name in pairs(study)] if where == EVERY_PAIR else [where]
     if not asked:
         raise ConfigError(f"question: the study has no pair; allowed: {', '.join(known)}")
-    return [test for name in asked for test in tests_of(study, known, name, (better, word, worse), metric)]
+    return [one for name in asked for one in contrasts_of(study, known, name, (better, word, worse), metric)]
 
 
-def tests_of(
+def contrasts_of(
     study: Study, known: Known, where: str, words: tuple[str, str | None, str | None], metric: str
-) -> Iterator[Test]:
-    """Make the tests of one pair."""
+) -> Iterator[Contrast]:
+    """Make the contrasts of one pair."""
     better, word, worse = words
     others = {} if worse is None else read_side(study, known, where, worse)
     compared = set(others.values())

@@ -1,13 +1,31 @@
-"""The paper's claims, its conclusions, and our own questions, as contrasts (docs/analysis-plan.md)."""
+"""The paper's claims, its conclusions, and our own questions, as contrasts (analysis-plan.md)."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
 from itertools import pairwise
+from pathlib import Path
 
-from ship_trl.study.claims.kinds import (
+import yaml
+
+from ship_trl.study.claims import Claims
+from ship_trl.study.plan import (
+    CONTROL_KINDS,
+    FE,
+    FT,
+    FURTHER_SOURCES,
+    NEW_CASE,
+    OTHER_SOURCES,
+    PERMUTED,
+    RANDOM,
+    REUSED,
+    REUSED_CASE,
+    SCRATCH,
+    TRANSFERS,
+)
+from studies.paper.contrasts import (
     SELF_CASES,
-    Hypothesis,
+    Spread,
     Test,
     beats,
     by_path,
@@ -21,29 +39,34 @@ from ship_trl.study.claims.kinds import (
     no_more,
     rises,
     self_dips,
-    steady,
 )
-from ship_trl.study.plan import (
-    CONTROL_KINDS,
-    FE,
-    FT,
-    FURTHER_SOURCES,
-    NEW_CASE,
-    OTHER_SOURCES,
-    PERMUTED,
-    RANDOM,
-    REUSED_CASE,
-    SCRATCH,
-    TRANSFERS,
-)
-from ship_trl.study.study import FIGURES, REUSED
+from studies.paper.judge import CONCLUSION, EXPLORATORY, Claim
+from studies.paper.report import report
 
-FIGURE, EXPLORATORY = "conclusions", "exploratory"
+FOLDER = Path(__file__).parent
+# The pairs of figures 5 to 7, in their order.
+FIGURES = {"high": "5", "low": "6", "lowest": "7"}
+# The paper's numbers of table 2.
+SIMILARITY = {"high": 0.83, "low": 0.45, "lowest": 0.42}
 
 
-def claim(name: str, sentence: str, tests: Sequence[Test]) -> Hypothesis:
+def claims() -> Claims:
+    """Return what the paper's study was asked, for its report."""
+    numbers = yaml.safe_load((FOLDER / "analysis.yaml").read_text())
+    return Claims(
+        judge=lambda study, folder: report(study, folder, ALL, OURS),
+        page=FOLDER / "paper.html",
+        rules=(FOLDER / "analysis-plan.md", FOLDER / "analysis.yaml"),
+        margin=numbers["margin"],
+        gains=numbers["gains"],
+        titles={pair: f"Figure {figure}" for pair, figure in (*FIGURES.items(), (NEW_CASE, "9"))},
+        similarity=SIMILARITY,
+    )
+
+
+def claim(name: str, sentence: str, tests: Sequence[Test]) -> Claim:
     """Make a claim; its name gives its figure: C1 is a conclusion, E1 explores, H5a is of figure 5."""
-    return Hypothesis(name, {"C": FIGURE, "E": EXPLORATORY}.get(name[0], name[1]), sentence, tests)
+    return Claim(name, {"C": CONCLUSION, "E": EXPLORATORY}.get(name[0], name[1]), sentence, tests)
 
 
 def transfers_but(*names: str) -> tuple[str, ...]:
@@ -69,7 +92,7 @@ HYPOTHESES = [
         "Every arm but FE2 and FT1 beats scratch, and is sooner.",
         each_beats("high", NOT_DIPPING, [SCRATCH], "area", "time"),
     ),
-    claim("H5b", "Those arms vary less across seeds.", [steady("high", arm, SCRATCH) for arm in NOT_DIPPING]),
+    claim("H5b", "Those arms vary less across seeds.", [Spread("high", arm, SCRATCH) for arm in NOT_DIPPING]),
     claim("H5c", "FE2 dips below its neighbours and below scratch.", EXTRACTION_DIPS),
     claim("H5d", "FT1 is below scratch and below FT2.", FINETUNING_DIPS),
     claim("H5e", "Freezing cures it: FE1 above FT1.", [beats("high", "FE1", "FT1")]),
@@ -95,7 +118,7 @@ HYPOTHESES = [
     claim(
         "H5i",
         "FE3 is above FE4, to the end, sooner and steadier.",
-        [*each_beats("high", ["FE3"], ["FE4"], "area", "asymptote", "time"), steady("high", "FE3", "FE4")],
+        [*each_beats("high", ["FE3"], ["FE4"], "area", "asymptote", "time"), Spread("high", "FE3", "FE4")],
     ),
     claim("H5j", "The dips are co-adaptation: a case to itself has them too.", SELF_DIPS),
     claim("H5k", "Finetuning cures the dip of two layers: FT2 above FE2.", [beats("high", "FT2", "FE2")]),
@@ -108,7 +131,7 @@ HYPOTHESES = [
     claim(
         "H6c",
         "Finetuning is above feature extraction, and steadier.",
-        [means("low", FT, FE), *(steady("low", t, e) for t, e in zip(FT, FE, strict=True))],
+        [means("low", FT, FE), *(Spread("low", t, e) for t, e in zip(FT, FE, strict=True))],
     ),
     claim(
         "H6d", "FE4 is the worst arm.", each_beats("low", (SCRATCH, *transfers_but("FE4")), ["FE4"], "area")
@@ -228,3 +251,4 @@ OURS = [
         [beats(pair, SCRATCH, "FTW", "misses") for pair in FIGURES],
     ),
 ]
+ALL = [*CONCLUSIONS, *HYPOTHESES]

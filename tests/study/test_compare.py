@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from ship_trl.study.transfer_metrics import forward_transfer
+from ship_trl.study.compare import forward_transfer
 
 # Trials of a simulation: the share that covers has a standard error of 0.005.
 TRIALS = 2_000

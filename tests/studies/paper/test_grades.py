@@ -1,14 +1,18 @@
-"""Grades by the rule of docs/study.md, each on a toy that must have it."""
+"""Grades by the rule of grades.md, each on a toy that must have it."""
 
-import re
 from dataclasses import replace
-from pathlib import Path
 
 import numpy as np
 import pytest
 
-from ship_trl.study.claims.grades import (
+from ship_trl.study.manifest import Manifest
+from ship_trl.study.statistics import Estimate, estimate_mean
+from studies.paper.claims import ALL
+from studies.paper.contrasts import Claimed, Spread, add_p_values, beats, no_more
+from studies.paper.judge import (
+    Claim,
     Evidence,
+    Finding,
     Grade,
     Part,
     count_grades,
@@ -17,11 +21,6 @@ from ship_trl.study.claims.grades import (
     grade_claim,
     grade_parts,
 )
-from ship_trl.study.claims.kinds import Hypothesis, beats, no_more, steady
-from ship_trl.study.claims.verdicts import ALL
-from ship_trl.study.compare import Claimed, Finding, contrast
-from ship_trl.study.manifest import Manifest
-from ship_trl.study.statistics import Estimate
 from tests.study.synthetic import make_study
 
 FOR, AGAINST, OPEN = Evidence(0.001, 0.999), Evidence(0.999, 0.001), Evidence(0.4, 0.6)
@@ -51,10 +50,6 @@ TOYS = [
 @pytest.mark.parametrize(("parts", "expected"), TOYS)
 def test_parts_make_a_grade(parts: list[Evidence], expected: Grade) -> None:
     assert graded(*parts) is expected
-
-
-def test_every_grade_has_a_toy() -> None:
-    assert {expected for _, expected in TOYS} == {*Grade}
 
 
 def test_holms_method_is_within_the_claim() -> None:
@@ -90,8 +85,9 @@ def test_a_claim_of_which_all_parts_are_sure_is_supported_and_its_opposite_contr
 
 
 def finding(mean: float, sd: float, claimed: Claimed = Claimed.above, margin: float | None = 0.1) -> Finding:
-    steps = np.linspace(-1, 1, 15)
-    return contrast(f"{mean} {sd}", "area", mean + sd * steps, margin, claimed)
+    values = mean + sd * np.linspace(-1, 1, 15)
+    found = replace(estimate_mean(values), what=f"{mean} {sd}", differences=tuple(values.tolist()))
+    return Finding(add_p_values(found, claimed, margin), claimed)
 
 
 def test_parts_are_measured_on_differences() -> None:
@@ -109,12 +105,14 @@ def test_parts_are_measured_on_differences() -> None:
 
 
 def test_a_spread_is_for_or_against_and_excludes_no_size() -> None:
-    spread = Finding("a", "spread", Estimate(0.5, 0.1, 0.9), 0.01, 0.99, 15)
-    assert grade([spread]).grade is Grade.supported
-    assert grade([replace(spread, p=0.99, against=0.01)]).grade is Grade.contradicted
-    assert grade([replace(spread, p=0.5, against=0.5)]).grade is Grade.undetermined
+    def spread(p: float, against: float) -> Finding:
+        return Finding(Estimate(0.5, 0.1, 0.9, 15, "a", "spread", p, against))
+
+    assert grade([spread(0.01, 0.99)]).grade is Grade.supported
+    assert grade([spread(0.99, 0.01)]).grade is Grade.contradicted
+    assert grade([spread(0.5, 0.5)]).grade is Grade.undetermined
     # Beside it a size may be excluded.
-    assert grade([replace(spread, p=0.5, against=0.5), finding(0.0, 0.1)]).grade is Grade.size_excluded
+    assert grade([spread(0.5, 0.5), finding(0.0, 0.1)]).grade is Grade.size_excluded
 
 
 def high(**ends: float) -> dict[tuple[str, str, str], float]:
@@ -122,7 +120,7 @@ def high(**ends: float) -> dict[tuple[str, str, str], float]:
 
 
 def test_grades_are_over_all_judged_seeds_and_not_those_of_the_look_that_decided() -> None:
-    claims = [Hypothesis("A", "5", "", [beats("high", "FE1", "FE2")])]
+    claims = [Claim("A", "5", "", [beats("high", "FE1", "FE2")])]
     study = replace(make_study(high(FE1=0.9, FE2=0.3), sd=0.002), plan=Manifest(tuple(range(15))))
     assert grade_all(study, claims)["A"].grade is Grade.supported
     # From the sixth seed on the arms change places: 10 of 15 seeds are the other way.
@@ -137,29 +135,21 @@ def test_grades_are_over_all_judged_seeds_and_not_those_of_the_look_that_decided
 
 def test_a_claim_whose_parts_lack_seeds_is_undetermined() -> None:
     study = make_study(high(FE1=0.9, FE2=0.3, FE3=0.3))
-    claims = [Hypothesis("A", "5", "", [beats("high", "FE1", other) for other in ("FE2", "FE3")])]
+    claims = [Claim("A", "5", "", [beats("high", "FE1", other) for other in ("FE2", "FE3")])]
     assert grade_all(study, claims)["A"].grade is Grade.supported
     del study.records["pairs", "high", "FE3", 14]
     lacking = grade_all(study, claims)["A"]
     assert lacking.grade is Grade.undetermined and lacking.parts == {}
-    nothing = grade_all(make_study(high(scratch=0.5)))
+    nothing = grade_all(make_study(high(scratch=0.5)), ALL)
     assert {one.grade for one in nothing.values()} == {Grade.undetermined} and len(nothing) == len(ALL)
 
 
 def test_kinds_of_contrasts_make_parts() -> None:
     study = make_study(high(FE1=0.7, FE2=0.7, FE3=0.95), sd=0.004)
-    tests = [beats("high", "FE3", "FE1"), no_more("high", ("FE1",), ("FE2",)), steady("high", "FE1", "FE2")]
-    found = grade_all(study, [Hypothesis("A", "5", "", tests)])["A"]
+    tests = [beats("high", "FE3", "FE1"), no_more("high", ("FE1",), ("FE2",)), Spread("high", "FE1", "FE2")]
+    found = grade_all(study, [Claim("A", "5", "", tests)])["A"]
     assert [*found.parts.values()][:2] == [Part.supports, Part.supports]
     assert found.grade in (Grade.supported, Grade.leaning_for, Grade.mixed)
-
-
-def test_words_of_parts_are_unique_within_a_claim() -> None:
-    # A line without spaces before it is the name of a claim; those of its contrasts follow.
-    text = (Path(__file__).parents[1] / "contrasts.txt").read_text()
-    for claim in re.split(r"\n(?=\S)", text):
-        words = claim.splitlines()
-        assert len(set(words)) == len(words), words[0]
 
 
 def test_grades_are_counted_in_their_order() -> None:

@@ -1,17 +1,27 @@
 """Verdicts by the rules of the plan, on studies whose truth is known."""
 
-from dataclasses import replace
+from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
 import pytest
+from scipy import stats
 
-from ship_trl.study.claims.hypotheses import OURS
-from ship_trl.study.claims.kinds import Hypothesis, beats, no_more, steady
-from ship_trl.study.claims.verdicts import answer, explore, judge
-from ship_trl.study.compare import Claimed, Verdict, contrast
 from ship_trl.study.manifest import Manifest
-from ship_trl.study.statistics import look_level
+from ship_trl.study.statistics import FREEDOM_FACTOR, Estimate, estimate_mean, p_above, standard_error
 from ship_trl.study.study import Study
+from studies.paper.claims import OURS
+from studies.paper.contrasts import Claimed, Levels, Spread, add_p_values, beats, no_more
+from studies.paper.judge import (
+    Claim,
+    Verdict,
+    explore,
+    judge,
+    judge_all,
+    look_level,
+    min_detectable_effect,
+    seeds_needed,
+)
 from tests.study.synthetic import make_study, told
 
 
@@ -19,15 +29,15 @@ def high(**ends: float) -> dict[tuple[str, str, str], float]:
     return {("pairs", "high", arm): end for arm, end in ends.items()}
 
 
-def claim(name: str, *pairs: tuple[str, str]) -> Hypothesis:
-    return Hypothesis(name, "5", "", [beats("high", better, worse) for better, worse in pairs])
+def claim(name: str, *pairs: tuple[str, str]) -> Claim:
+    return Claim(name, "5", "", [beats("high", better, worse) for better, worse in pairs])
 
 
 def test_a_conjunction_is_supported_at_its_largest_p_with_nothing_adjusted_inside() -> None:
     study = make_study(high(FE1=0.9, FE2=0.7, FE3=0.6))
     both = claim("A", ("FE1", "FE2"), ("FE2", "FE3"))
     (found,) = judge(study, [both], 15, 0.025)
-    assert found.verdict is Verdict.supported and found.p == max(f.p for f in found.findings)
+    assert found.verdict is Verdict.supported and found.p == max(f.found.p for f in found.findings)
     # Holm's method is over claims: with nine others the same p counts tenfold.
     others = [claim(f"B{k}", ("FE3", "FE1")) for k in range(9)]
     crowded, *_ = judge(study, [both, *others], 15, 0.025)
@@ -40,7 +50,7 @@ def test_one_contrast_the_other_way_contradicts_and_is_adjusted_over_all() -> No
     (found,) = judge(study, [mixed], 15, 0.025)
     assert found.verdict is Verdict.contradicted
     assert [f.verdict for f in found.findings] == [Verdict.supported, Verdict.contradicted]
-    assert found.findings[1].adjusted == pytest.approx(2 * found.findings[1].against)
+    assert found.findings[1].adjusted == pytest.approx(2 * found.findings[1].found.against)
 
 
 def test_one_open_contrast_leaves_a_claim_open() -> None:
@@ -80,7 +90,7 @@ def test_a_claim_of_no_more_is_supported_within_the_margin() -> None:
 
     def verdict(arm: str, other: str) -> Verdict:
         tests = [no_more("high", (arm,), (other,))]
-        (found,) = judge(study, [Hypothesis("A", "5", "", tests)], 15, 0.025)
+        (found,) = judge(study, [Claim("A", "5", "", tests)], 15, 0.025)
         return found.verdict
 
     assert verdict("FE1", "FE2") is verdict("FE1", "FE3") is Verdict.supported
@@ -89,34 +99,34 @@ def test_a_claim_of_no_more_is_supported_within_the_margin() -> None:
 
 def test_looks_follow_the_plan_and_not_what_is_there() -> None:
     study = make_study(high(FE1=0.62, FE2=0.6), seeds=5, sd=0.01)
-    five = answer(study, [claim("A", ("FE1", "FE2"))])[0]
+    five = judge_all(study, [claim("A", ("FE1", "FE2"))])[0]
     planned = replace(study, plan=Manifest(tuple(range(15))))
     assert study.looks == (5,) and planned.looks == (5, 10, 15)
-    first = answer(planned, [claim("A", ("FE1", "FE2"))])[0]
+    first = judge_all(planned, [claim("A", ("FE1", "FE2"))])[0]
     # The first of three looks is stricter, and a second that is not whole decides nothing.
-    assert five.findings[0].estimate.low > first.findings[0].estimate.low
+    assert five.findings[0].found.low > first.findings[0].found.low
     assert first.verdict is Verdict.inconclusive
 
 
 def test_what_a_look_decided_is_what_is_told_while_the_next_is_under_way() -> None:
     study = replace(make_study(high(FE1=0.9, FE2=0.3, FE3=0.3), 7, sd=0.002), plan=Manifest(tuple(range(15))))
-    sure, none = answer(study, [claim("A", ("FE1", "FE2")), claim("B", ("FE2", "FE3"))])
+    sure, none = judge_all(study, [claim("A", ("FE1", "FE2")), claim("B", ("FE2", "FE3"))])
     assert (sure.verdict, sure.decided, sure.missing) == (Verdict.supported, 5, 0)
-    assert sure.findings[0].seeds == 5 and sure.level < 0.001
+    assert sure.findings[0].found.seeds == 5 and sure.level < 0.001
     # Of the other one too: seeds of a look that is not whole are not looked at.
     assert none.verdict is Verdict.inconclusive
-    assert (none.seeds, none.missing, none.findings[0].seeds) == (5, 0, 5)
+    assert (none.seeds, none.missing, none.findings[0].found.seeds) == (5, 0, 5)
 
 
 def test_what_stays_open_at_the_last_look_is_told_of_that_look() -> None:
     study = replace(make_study(high(FE1=0.9, FE2=0.3, FE3=0.3), 12, sd=0.1), plan=Manifest(tuple(range(15))))
     for seeds, look in ((5, 5), (6, 5), (9, 5), (10, 10), (12, 10)):
-        (found,) = answer(study.first(seeds, study.level), [claim("B", ("FE2", "FE3"))])
+        (found,) = judge_all(study.first(seeds, study.level), [claim("B", ("FE2", "FE3"))])
         assert (found.verdict, found.seeds, found.missing) == (Verdict.inconclusive, look, 0)
-        assert found.level == look_level(look // 5, 3) and found.findings[0].seeds == look
+        assert found.level == look_level(look // 5, 3) and found.findings[0].found.seeds == look
     # Before the first look there is nothing else to tell of.
-    (found,) = answer(study.first(4, study.level), [claim("B", ("FE2", "FE3"))])
-    assert (found.seeds, found.missing, found.findings[0].seeds) == (5, 1, 4)
+    (found,) = judge_all(study.first(4, study.level), [claim("B", ("FE2", "FE3"))])
+    assert (found.seeds, found.missing, found.findings[0].found.seeds) == (5, 1, 4)
 
 
 def test_seeds_that_come_later_undo_no_decision() -> None:
@@ -127,11 +137,11 @@ def test_seeds_that_come_later_undo_no_decision() -> None:
     decided: dict[str, tuple[Verdict, int]] = {}
     for count in range(5, 21):
         kept = {key: record for key, record in whole.records.items() if key[3] < count}
-        for found in answer(replace(whole, records=kept), claims):
-            if found.hypothesis.name in decided:
-                assert (found.verdict, found.decided) == decided[found.hypothesis.name]
+        for found in judge_all(replace(whole, records=kept), claims):
+            if found.claim.name in decided:
+                assert (found.verdict, found.decided) == decided[found.claim.name]
             elif found.decided:
-                decided[found.hypothesis.name] = (found.verdict, found.decided)
+                decided[found.claim.name] = (found.verdict, found.decided)
     assert len(decided) >= 2
 
 
@@ -139,27 +149,29 @@ def test_what_has_no_runs_counts_in_the_family_of_contradictions() -> None:
     study = make_study(high(FE1=0.6, FE2=0.9))
     lacking = claim("A", ("FE1", "FE2"), *(("FE1", f"FT{n}") for n in range(1, 5)))
     (found,) = judge(study, [lacking], 15, 0.025)
-    assert found.missing == 4 and found.findings[0].adjusted == pytest.approx(5 * found.findings[0].against)
+    assert found.missing == 4 and found.findings[0].adjusted == pytest.approx(
+        5 * found.findings[0].found.against
+    )
 
 
 def test_times_of_arms_that_do_not_get_there_are_not_alike() -> None:
     study = make_study(high(FE1=0.55, FE2=0.3))
     tests = [beats("high", "FE1", "FE2", "time")]
-    (found,) = judge(study, [Hypothesis("A", "5", "", tests)], 15, 0.025)
-    assert found.verdict is Verdict.inconclusive and found.findings[0].within == 1.0
+    (found,) = judge(study, [Claim("A", "5", "", tests)], 15, 0.025)
+    assert found.verdict is Verdict.inconclusive and found.findings[0].found.within == 1.0
 
 
 @pytest.mark.parametrize("seeds", [2, 4])
 def test_a_few_seeds_give_no_verdict(seeds: int) -> None:
-    (found,) = answer(make_study(high(FE1=0.9, FE2=0.1), seeds, sd=0.001), [claim("A", ("FE1", "FE2"))])
+    (found,) = judge_all(make_study(high(FE1=0.9, FE2=0.1), seeds, sd=0.001), [claim("A", ("FE1", "FE2"))])
     assert found.verdict is Verdict.inconclusive and found.findings
 
 
 def test_spread_is_judged_along_the_curve() -> None:
     study = make_study(high(FE1=0.6), sd=0.01)
     study.records.update(make_study(high(FT1=0.6), sd=0.2).records)
-    tests = {"yes": [steady("high", "FE1", "FT1")], "no": [steady("high", "FT1", "FE1")]}
-    found = {n: judge(study, [Hypothesis(n, "5", "", t)], 15, 0.025)[0].verdict for n, t in tests.items()}
+    tests = {"yes": [Spread("high", "FE1", "FT1")], "no": [Spread("high", "FT1", "FE1")]}
+    found = {n: judge(study, [Claim(n, "5", "", t)], 15, 0.025)[0].verdict for n, t in tests.items()}
     assert found == {"yes": Verdict.supported, "no": Verdict.contradicted}
 
 
@@ -168,8 +180,8 @@ def test_between_looks_nothing_is_judged() -> None:
     ends = {("pairs", "low", "scratch"): 0.5, ("controls", "self4", "FTW"): 0.9}
     study = replace(make_study(ends, seeds=12), plan=Manifest(tuple(range(15))))
     assert study.whole_looks == (5, 10)
-    own = {found.hypothesis.name: found for found in explore(study)}["E4"]
-    assert {finding.seeds for finding in own.findings} == {10}
+    own = {found.claim.name: found for found in explore(study, OURS)}["E4"]
+    assert {finding.found.seeds for finding in own.findings} == {10}
     assert study.first(7, 0.025).whole_looks == study.first(3, 0.025).whole_looks == (5,)
 
 
@@ -180,15 +192,28 @@ def test_our_own_contrasts_are_judged_alone_on_what_seeds_they_have() -> None:
     study: Study = make_study(places)
     for key in [key for key in study.records if key[0] == "controls" and key[3] >= 5]:
         del study.records[key]
-    found = {a.hypothesis.name: a for a in explore(study)}
-    assert [a.hypothesis for a in explore(study)] == OURS
+    found = {a.claim.name: a for a in explore(study, OURS)}
+    assert [a.claim for a in explore(study, OURS)] == OURS
     assert found["E4"].verdict is Verdict.supported and found["E4"].decided == 5
     assert found["E1"].verdict is Verdict.inconclusive and not found["E1"].findings
 
 
-def simulated(values: np.ndarray, claimed: Claimed = Claimed.above) -> Hypothesis:
+@dataclass(frozen=True)
+class Known(Levels):
+    """A contrast of which the measurement is given."""
+
+    contrast: Any
+    claimed: Claimed = Claimed.above
+
+    def measure(self, study: Study, permutations: int = 0) -> Estimate:
+        found: Estimate = self.contrast
+        return found
+
+
+def simulated(values: np.ndarray, claimed: Claimed = Claimed.above) -> Claim:
     """A claim of one contrast, with these differences by seed and a margin of 0.5."""
-    return Hypothesis("A", "5", "", [lambda study: [contrast("", "area", values, 0.5, claimed)]])
+    found = replace(estimate_mean(values), differences=tuple(values.tolist()))
+    return Claim("A", "5", "", [Known(add_p_values(found, claimed, 0.5), claimed)])
 
 
 def test_arms_like_scratch_are_seldom_decided_at_any_look() -> None:
@@ -216,3 +241,44 @@ def test_differences_at_the_margin_are_seldom_called_none() -> None:
             wrong = Verdict.equivalent if claimed is Claimed.above else Verdict.supported
             found[claimed] += answer.verdict is wrong
     assert max(found.values()) / 600 <= 0.025 + 3 * (0.025 * 0.975 / 600) ** 0.5
+
+
+def test_what_so_many_seeds_could_see() -> None:
+    # By hand: the power of a t-test is that of a noncentral t beyond its critical value.
+    effect, freedom = min_detectable_effect(15), FREEDOM_FACTOR * (15 - 2 * 3 - 1)
+    assert stats.nct.sf(stats.t.isf(0.025, freedom), freedom, effect) == pytest.approx(0.8, abs=1e-4)
+    assert min_detectable_effect(2) > min_detectable_effect(5) > min_detectable_effect(6) > effect
+    assert min_detectable_effect(15, 0.001) > effect and min_detectable_effect(1) == np.inf
+
+
+def standard_error_of_15() -> float:
+    """Return the standard error of 15 normal seeds, as it is on average."""
+    rng = np.random.default_rng(0)
+    return float(np.mean([standard_error(rng.normal(0, 1, 15))[0] for _ in range(2_000)]))
+
+
+def test_so_many_seeds_as_are_needed_show_a_difference_as_often_as_is_asked() -> None:
+    rng = np.random.default_rng(1)
+    error = standard_error_of_15()
+    for power in (0.8, 0.95):
+        needed = seeds_needed(0.5, error, 15, 0.025, power)
+        assert needed is not None and 30 <= needed <= 90
+        shown = np.mean([p_above(rng.normal(0.5, 1, needed)) <= 0.025 for _ in range(1_000)])
+        assert power - 0.03 < shown < power + 0.07
+
+
+def test_of_what_is_not_known_no_seeds_are_told() -> None:
+    error = standard_error_of_15()
+    told = [seeds_needed(0.5, e, 15, 0.025, 0.8) for e in (np.nan, 0.0)]
+    told += [seeds_needed(d, error, 15, 0.025, 0.8) for d in (0.0, 1e-3)]
+    assert told == [None] * 4
+    assert seeds_needed(9.0, error, 15, 0.025, 0.8) == 5
+
+
+@pytest.mark.parametrize("looks", [1, 2, 3, 5])
+def test_looks_together_err_as_often_as_one(looks: int) -> None:
+    rng = np.random.default_rng(looks)
+    steps = rng.normal(size=(200_000, looks)).cumsum(axis=1) / np.sqrt(np.arange(1, looks + 1))
+    bounds = stats.norm.isf([look_level(k, looks) for k in range(1, looks + 1)])
+    assert np.mean((steps > bounds).any(axis=1)) == pytest.approx(0.025, abs=0.0015)
+    assert all(np.diff(bounds) < 0)

@@ -1,18 +1,16 @@
-"""Claims come out as the truth is: where the paper is right, where it is wrong, where runs lack."""
+"""Claims come out as the truth is, and stand on the contrasts that are listed."""
 
 from pathlib import Path
 
-import numpy as np
 import pytest
 
-from ship_trl.study.claims.hypotheses import HYPOTHESES
-from ship_trl.study.claims.verdicts import ALL, answer
-from ship_trl.study.compare import Verdict
-from ship_trl.study.plan import FURTHER_SOURCES, OTHER_SOURCES
-from ship_trl.study.study import read_study
-from tests.study.synthetic import learning, make_study, ranked, write_run
+from ship_trl.study.claims import load_claims
+from ship_trl.study.metrics import METRICS
+from ship_trl.study.plan import FURTHER_SOURCES, OTHER_SOURCES, SOURCES, plan_jobs, to_study
+from studies.paper.claims import ALL, HYPOTHESES, OURS
+from studies.paper.judge import Verdict, judge_all, measure
+from tests.study.synthetic import make_study, ranked
 
-ARMS = ("scratch", *(f"{kind}{n}" for kind in ("FE", "FT") for n in range(1, 5)), "FTW")
 # Scores at the end as the paper's words have them.
 HIGH = {"scratch": 0.6, "FE1": 0.75, "FE2": 0.5, "FE3": 0.9, "FE4": 0.8, "FT1": 0.4, "FT2": 0.65, "FT3": 0.7}
 HIGH |= {"FT4": 0.78, "FTW": 0.98}
@@ -61,7 +59,9 @@ LEVELS = (
 
 @pytest.fixture(scope="module")
 def verdicts() -> dict[float, dict[str, Verdict]]:
-    return {sign: {a.hypothesis.name: a.verdict for a in answer(ranked(ends(sign)))} for sign in (1.0, -1.0)}
+    return {
+        sign: {a.claim.name: a.verdict for a in judge_all(ranked(ends(sign)), ALL)} for sign in (1.0, -1.0)
+    }
 
 
 @pytest.mark.parametrize("name", LEVELS)
@@ -74,40 +74,44 @@ def test_a_true_claim_is_supported_and_a_false_one_contradicted(
 
 def test_a_claim_whose_runs_are_there_in_part_stays_open() -> None:
     study = make_study({("pairs", "high", "FTW"): 0.9, ("pairs", "high", "scratch"): 0.5})
-    (found,) = (a for a in answer(study) if a.hypothesis.name == "H5f")
-    assert [f.verdict for f in found.findings] == [Verdict.supported]
+    answers = judge_all(study, ALL)
+    assert [one.claim for one in answers] == ALL
+    (found,) = (one for one in answers if one.claim.name == "H5f")
+    assert [one.verdict for one in found.findings] == [Verdict.supported]
     assert found.missing == 8 and found.verdict is Verdict.inconclusive
-
-
-def test_without_runs_there_is_no_verdict() -> None:
-    answers = answer(make_study({("pairs", "high", "scratch"): 0.5}))
-    assert len(answers) == len(ALL)
-    assert all(a.verdict is Verdict.inconclusive and a.findings == [] for a in answers)
+    (nothing,) = (one for one in answers if one.claim.name == "H7d")
+    assert nothing.word == "no runs" and nothing.verdict is Verdict.inconclusive
 
 
 def test_only_seeds_that_both_arms_have_are_compared() -> None:
     study = make_study({("pairs", "high", arm): 0.5 for arm in ("FE1", "FT1")}, seeds=6)
     for seed in (2, 4):
         del study.records["pairs", "high", "FT1", seed]
-    (found,) = (a.findings[0] for a in answer(study) if a.hypothesis.name == "H5e")
+    (found,) = (a.findings[0].found for a in judge_all(study, ALL) if a.claim.name == "H5e")
     assert found.seeds == 4
 
 
-def test_a_study_is_read_from_its_folder_and_what_is_broken_is_named(tmp_path: Path) -> None:
-    scores = learning(np.random.default_rng(0), 30)
-    for seed in range(3):
-        write_run(tmp_path / "pairs", scores, seed=seed)
-    (tmp_path / "pairs/high/scratch/seed=1/curve.csv").unlink()
-    (tmp_path / "pairs/high/scratch/seed=2").rename(tmp_path / "pairs/high/scratch/seed=9")
-    study = read_study(tmp_path)
-    assert list(study.records) == [("pairs", "high", "scratch", 0)]
-    assert [(path.name, reason) for path, reason in study.broken] == [
-        ("seed=1", "curve.csv is missing"),
-        ("seed=9", "result.json is of another run"),
-    ]
-
-
 def test_names_are_unique_and_in_the_order_of_the_figures() -> None:
-    names = [h.name for h in HYPOTHESES]
+    names = [claim.name for claim in HYPOTHESES]
     assert len(set(names)) == len(names) and names == sorted(names)
-    assert [a.hypothesis.name for a in answer(make_study({}))] == [h.name for h in ALL]
+
+
+def test_every_claim_stands_on_these_contrasts() -> None:
+    """Read contrasts.txt beside studies/paper/claims.py: it says in words what is measured."""
+    jobs = plan_jobs(to_study(["profile=smoke"]))
+    places = {(j.part, j.label, j.arm): 0.99 for j in jobs if j.part != SOURCES}
+    study, lines = make_study(places, seeds=2, episodes=300), []
+    for claim in (*ALL, *OURS):
+        found = measure(study, claim)
+        words = [f"  {one.found.what}: {one.claimed.value}" for one in found]
+        assert len(set(words)) == len(claim.tests), claim.name
+        lines += [claim.name, *words]
+    assert lines == (Path(__file__).parent / "contrasts.txt").read_text().splitlines()
+
+
+def test_the_file_is_what_a_report_loads() -> None:
+    loaded = load_claims()
+    assert loaded.margin == 0.2 and loaded.possible_gain("2", "area") == 0.163
+    assert all(set(gains) <= set(METRICS) for gains in loaded.gains.values())
+    assert loaded.page is not None and loaded.page.is_file() and all(path.is_file() for path in loaded.rules)
+    assert loaded.title("high", "pair high") == "Figure 5: pair high"

@@ -13,9 +13,9 @@ from pathlib import Path
 import pytest
 
 from ship_trl.study.manifest import read_manifest
-from ship_trl.study.rules import PLAN_TEXT
 from ship_trl.study.tables import LAYERS, read_layers, read_tables
 from ship_trl.study.transfers import BUNDLED_TABLE, TABLE
+from studies.paper.claims import claims
 from tests.command import ROOT, ship_trl
 
 FOLDER = ROOT / "outputs/confirmatory"
@@ -58,12 +58,12 @@ def test_it_is_judged_by_the_rules_that_it_was_begun_with() -> None:
     assert plan.seeds == tuple(range(100, 115))
     commit, _, committed = plan.rules["commit"].partition(" of ")
     assert datetime.fromisoformat(committed) < datetime.fromisoformat(plan.rules["begun"])
-    numbers = (ROOT / "conf/analysis.yaml").read_bytes()
-    shown = subprocess.run(["git", "show", f"{commit}:{PLAN_TEXT}"], cwd=ROOT, capture_output=True)
+    text, numbers = (path.read_bytes() for path in claims().rules)
+    shown = subprocess.run(["git", "show", f"{commit}:docs/analysis-plan.md"], cwd=ROOT, capture_output=True)
     if shown.returncode:
         pytest.skip("no git history")
     assert hashlib.sha256(shown.stdout + numbers).hexdigest() == plan.rules["digest"]
-    registered, page = shown.stdout.decode(), (ROOT / PLAN_TEXT).read_text()
+    registered, page = shown.stdout.decode(), text.decode()
     for heading in ("What is measured of a run", "The claims"):
         (section,) = re.findall(rf"## {heading}\n.*?(?=\n## )", registered, re.DOTALL)
         assert section in page, heading
@@ -85,7 +85,6 @@ main()
 @pytest.mark.long
 def test_the_report_that_is_kept_follows_from_the_tables(tmp_path: Path) -> None:
     made = tmp_path / "made"
-    # In a process of its own, which goes by conf/analysis.yaml and not by the tests' margins.
     words = [str(FOLDER), "--seeds", str(SEEN), "--output", str(made)]
     subprocess.run([sys.executable, "-c", WITHOUT_PICTURES, *words], cwd=tmp_path, check=True)
     names = {path.name for path in made.glob("*.csv")}

@@ -1,1 +1,0 @@
-"""The paper's claims as contrasts, and the verdicts on them. No torch."""

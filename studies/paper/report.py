@@ -1,0 +1,281 @@
+"""What a report says of the claims: claims.csv, verdicts.md, what is printed, and the words of paper.html."""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from functools import partial
+from math import isfinite
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from ship_trl.config.errors import one_line
+from ship_trl.files.table import Cells, read_table
+from ship_trl.study.claims import Verdicts
+from ship_trl.study.compare import MIN_SEEDS
+from ship_trl.study.plan import PAIRS
+from ship_trl.study.study import Study
+from studies.paper.contrasts import SPREAD
+from studies.paper.judge import (
+    CONCLUSION,
+    EXPLORATORY,
+    Answer,
+    Claim,
+    Finding,
+    Graded,
+    Verdict,
+    count_grades,
+    explore,
+    grade_all,
+    judge_all,
+    look_level,
+    min_detectable_effect,
+)
+
+# A copy of the claims.csv of an earlier study in a study's folder: its verdicts are named too.
+EARLIER = "earlier.csv"
+# Verdict and sentence of each claim in an earlier study.
+Earlier = Mapping[str, tuple[str, str]]
+# A table of a hundred contrasts has 50,000 bytes.
+MAX_BYTES = 10_000_000
+# Titles of the families of claims that no figure of the paper shows.
+FAMILIES = {CONCLUSION: "Conclusions", EXPLORATORY: "What explains them"}
+# The bars of contrasts reach at most this multiple of the largest estimate.
+MAX_REACH = 2.5
+# The columns of claims.csv that describe a contrast.
+CONTRAST_CELLS: dict[str, Callable[[Answer, Finding], Any]] = {
+    "contrast": lambda _, one: one.found.what,
+    "metric": lambda _, one: one.found.metric,
+    "estimate": lambda _, one: one.found.value,
+    "estimate low": lambda _, one: one.found.low,
+    "estimate high": lambda _, one: one.found.high,
+    "claimed": lambda _, one: one.claimed.value,
+    "p": lambda _, one: one.found.p,
+    "p against": lambda _, one: one.found.against,
+    "p against adjusted": lambda _, one: one.adjusted,
+    "margin": lambda _, one: one.found.margin,
+    "p beyond margin": lambda _, one: one.found.within,
+    "seeds": lambda _, one: one.found.seeds,
+    "seen alone": lambda answer, one: one.min_detectable(answer.level),
+    "seen adjusted": lambda answer, one: one.min_detectable(answer.level / answer.claims),
+    "verdict": lambda _, one: one.verdict.value,
+    "beside": lambda _, one: "; ".join(f"{key} {by.value:+.3f}" for key, by in one.found.beside.items()),
+}
+
+
+@dataclass(frozen=True)
+class Scale:
+    """The values between which bars are drawn."""
+
+    low: float
+    high: float
+
+    def percent(self, value: float) -> float:
+        """Return where a value lies, clipped to 0 to 100."""
+        return round(float(np.interp(value, (self.low, self.high), (0, 100))), 2)
+
+
+def report(study: Study, folder: Path, claims: Sequence[Claim], explored: Sequence[Claim]) -> Verdicts:
+    """Judge and grade claims, and judge those that are `explored`, which have no grade, each alone."""
+    earlier = read_verdicts(folder / EARLIER) if (folder / EARLIER).exists() else {}
+    answers, others = judge_all(study, claims), explore(study, explored)
+    grades = grade_all(study, claims)
+    looks = []
+    for number, count in enumerate(study.looks, 1):
+        level = look_level(number, len(study.looks))
+        looks.append((count, level, min_detectable_effect(count, level) if count >= MIN_SEEDS else None))
+    shown = {
+        "looks": looks,
+        "least": MIN_SEEDS,
+        "intervals": describe_intervals(answers, len(looks)),
+        "decided": [one for one in answers if one.decided],
+        "conclusions": [one for one in answers if one.claim.figure == CONCLUSION],
+        "claims": [one for one in answers if one.claim.figure != CONCLUSION],
+        "explored": others,
+        "grades": grades,
+        "graded": describe_grades(grades),
+        "families": list(families([*answers, *others])),
+        "unit": unit,
+        "describe": partial(describe_claim, earlier=earlier),
+    }
+    rows = claim_rows([*answers, *others], grades)
+    markdown = as_markdown(answers, grades, earlier, len(looks))
+    return Verdicts(rows, markdown, list(lines_of(study, answers, grades)), shown)
+
+
+def lines_of(study: Study, answers: Sequence[Answer], grades: Mapping[str, Graded]) -> Iterator[str]:
+    """Yield the lines that are printed."""
+    for one in answers:
+        if one.findings:
+            name = one.claim.name
+            yield f"{name:<3}  {one.word:<13} {grades[name].grade:<15} {one.claim.sentence}"
+    if without := [one.claim.name for one in answers if not one.findings]:
+        yield f"no runs: {', '.join(without)}"
+    yield describe_grades(grades)
+    seeds = {key[3] for key in study.records if key[0] == PAIRS}
+    judged = set(study.seeds[: study.whole_looks[-1]])
+    if later := seeds & set(study.seeds) - judged:
+        yield (
+            f"Claims are those of the look after {len(judged)} seeds; figures and arms.csv have "
+            f"{len(later)} more, which the next look judges."
+        )
+    if len(seeds) < MIN_SEEDS:
+        yield f"fewer than {MIN_SEEDS} seeds: every verdict is inconclusive"
+
+
+def claim_rows(answers: Sequence[Answer], grades: Mapping[str, Graded]) -> list[dict[str, Any]]:
+    """Return every contrast of every claim, with verdict and grade; one row for a claim without runs.
+
+    What is explored has no grade.
+    """
+    return [
+        {
+            "claim": answer.claim.name,
+            "figure": answer.claim.figure,
+            "sentence": answer.claim.sentence,
+            "claim's verdict": answer.word,
+            "claim's p": answer.p if answer.findings else "",
+            "decided after seeds": answer.decided or "",
+            "seeds wanted": answer.seeds_wanted() or "",
+            **{name: cell(answer, one) if one else "" for name, cell in CONTRAST_CELLS.items()},
+            **grade_cells(grades.get(answer.claim.name), one),
+        }
+        for answer in answers
+        for one in answer.findings or (None,)
+    ]
+
+
+def grade_cells(graded: Graded | None, finding: Finding | None) -> dict[str, str]:
+    """Return the grade of a claim and what a contrast of it shows; empty cells where there is none."""
+    if graded is None:
+        return {"grade": "", "part": ""}
+    part = graded.parts.get(finding.found.what) if finding else None
+    return {"grade": graded.grade.value, "part": part.value if part else ""}
+
+
+def read_verdicts(path: Path) -> dict[str, tuple[str, str]]:
+    """Read verdict and sentence of each claim from a report's claims.csv.
+
+    Raises:
+        ConfigError: the file is not such a table.
+    """
+    allowed = [*(verdict.value for verdict in Verdict), "no runs"]
+
+    def read(row: Cells) -> tuple[str, tuple[str, str]]:
+        verdict = row["claim's verdict"]
+        if verdict not in allowed:
+            raise ValueError(f"it has the verdict {verdict!r:.50}; allowed: {', '.join(allowed)}")
+        return row["claim"], (verdict, one_line(row["sentence"]))
+
+    names = "claim", "claim's verdict", "sentence"
+    return dict(read_table(path, names, read, MAX_BYTES, "folder", "a report's claims.csv"))
+
+
+def unit(finding: Finding) -> str:
+    """Return the unit of a contrast: only contrasts with the same unit share a scale."""
+    return finding.found.metric if finding.found.metric in (SPREAD, "start") else "difference"
+
+
+def scale_of(findings: Sequence[Finding]) -> Scale:
+    """Return the scale of contrasts: it holds zero, all estimates, and intervals up to `MAX_REACH`."""
+    found = [one.found for one in findings]
+    most = MAX_REACH * max(0.01, *(max(abs(one.value), one.margin or 0.0) for one in found))
+    ends = np.clip([(one.low, one.high) for one in found], -most, most)
+    low, high = min(ends.min(), 0.0), max(ends.max(), 0.0)
+    room = 0.03 * (high - low) or most
+    return Scale(low - room, high + room)
+
+
+def families(answers: Sequence[Answer]) -> Iterator[tuple[str, list[Answer], dict[str, Scale]]]:
+    """Yield the title of each family of claims, its claims, and the scales of their contrasts by unit."""
+    for figure in dict.fromkeys(answer.claim.figure for answer in answers):
+        family = [answer for answer in answers if answer.claim.figure == figure]
+        found = [finding for answer in family for finding in answer.findings]
+        if found:
+            scales = {name: scale_of([f for f in found if unit(f) == name]) for name in map(unit, found)}
+            yield FAMILIES.get(figure, f"Figure {figure}"), family, scales
+
+
+def in_a_sentence(answer: Answer) -> str:
+    """Say what was measured of a claim: its contrast, or how its contrasts came out."""
+    findings = answer.findings
+    if not findings:
+        return "No runs."
+    if len(findings) == 1:
+        one = findings[0].found
+        words = f"{one.what}: {one.value:+.3f} ({one.interval()}), p {one.p:.3f}"
+    else:
+        found = Counter(finding.verdict.value for finding in findings)
+        counts = ", ".join(f"{count} {verdict}" for verdict, count in found.most_common())
+        values = [finding.found.value for finding in findings]
+        agreeing = sum(finding.as_claimed for finding in findings)
+        largest = max(finding.found.p for finding in findings)
+        words = f"{len(findings)} contrasts: {counts}; {agreeing} estimated as claimed"
+        words += f" ({min(values):+.3f} to {max(values):+.3f}); largest p {largest:.3f}"
+    words += f"; adjusted {answer.p:.3f} for the verdict."
+    if answer.decided:
+        words += f" Decided after {answer.decided} seeds."
+    # If a claim is open although each contrast holds alone, all contrasts miss the adjusted level.
+    unsure = [f for f in findings if f.verdict is Verdict.inconclusive]
+    if not answer.decided and all(f.verdict is Verdict.supported for f in findings):
+        unsure = findings
+    if known := [f for f in unsure if isfinite(f.found.error)]:
+        alone, adjusted = ([f.min_detectable(answer.level / m) for f in known] for m in (1, answer.claims))
+        words += f" Could see differences from {ends(alone)} on, adjusted {ends(adjusted)}."
+    if wanted := answer.seeds_wanted():
+        words += f" {wanted} seeds would tell differences of the margin from none, four times in five."
+    if answer.missing:
+        count = len(answer.claim.tests)
+        words += f" Still without {answer.seeds} seeds: {answer.missing} of {count} contrasts."
+    return words
+
+
+def ends(values: Sequence[float]) -> str:
+    """Format the least and the largest value."""
+    low, high = f"{min(values):.2f}", f"{max(values):.2f}"
+    return low if low == high else f"{low} to {high}"
+
+
+def describe_claim(answer: Answer, earlier: Earlier) -> str:
+    """Say what was measured of a claim, and the verdict of an earlier study on it."""
+    words = in_a_sentence(answer)
+    if answer.claim.name in earlier:
+        verdict, sentence = earlier[answer.claim.name]
+        # The earlier claim may have had another sentence.
+        of = "" if sentence == answer.claim.sentence else f', of "{sentence}"'
+        words += f" An earlier study, by its own rules{of}: {verdict}."
+    return words
+
+
+def describe_intervals(answers: Sequence[Answer], looks: int) -> str:
+    """Say at what level the intervals of claims are."""
+    levels = sorted({(answer.seeds, answer.level) for answer in answers if answer.findings})
+    shares = ", ".join(f"{100 - 200 * level:.4g} % after {seeds} seeds" for seeds, level in levels)
+    words = f"Each interval is at the level of the look that its claim was judged at: {shares or 'none yet'}."
+    if looks > 1:
+        words += (
+            f" The levels are O'Brien and Fleming's: all {looks} looks together err as often as one at 95 %."
+        )
+    return words
+
+
+def describe_grades(grades: Mapping[str, Graded]) -> str:
+    """Say how many claims have each grade."""
+    counted = count_grades([graded.grade for graded in grades.values()])
+    return f"Grades: {', '.join(f'{count} {grade}' for grade, count in counted.items())}."
+
+
+def as_markdown(answers: Sequence[Answer], grades: Mapping[str, Graded], earlier: Earlier, looks: int) -> str:
+    """Return all verdicts and grades as Markdown: the level of the intervals, counts, then a table."""
+    lines = [describe_intervals(answers, looks), "", describe_grades(grades), ""]
+    lines += ["| claim | verdict | grade | the paper | measured |", "| --- | --- | --- | --- | --- |"]
+    for answer in answers:
+        name, sentence = answer.claim.name, answer.claim.sentence
+        cells = [name, answer.word, grades[name].grade, sentence, describe_claim(answer, earlier)]
+        # "|" would end the cell, and "<" could begin a tag.
+        cells = [words.replace("|", "/").replace("<", "&lt;") for words in cells]
+        lines.append(f"| {' | '.join(cells)} |")
+    return "\n".join(lines) + "\n"

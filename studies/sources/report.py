@@ -153,7 +153,7 @@ def judge_all(
         fitted = {"elsewhere": judge.elsewhere(gains), "regression": judge.regression(free, gains)}
         for name, value in {**values, **fitted}.items():
             row = {"measure": name, "kind": KINDS.get(name, judge.FITTED), "arm": arm}
-            cells = {}
+            cells: dict[str, float] = {}
             for key, one in judge.judge(value, gains).items():
                 cells |= one.cells(key, "_")
             cells["seconds"] = seconds.get(name, 0.0)

@@ -7,11 +7,9 @@ A table of fixed scenes, with the planner's best plan of each, stands beside the
 
 from __future__ import annotations
 
-import csv
 import hashlib
 import json
 import math
-from collections.abc import Iterable
 from dataclasses import asdict, dataclass, field, replace
 from functools import cache, cached_property
 from pathlib import Path
@@ -25,7 +23,6 @@ from ship_trl.config.errors import ConfigError
 from ship_trl.config.paths import conf_dir, is_name, list_names, stem
 from ship_trl.config.schema import read_as
 from ship_trl.config.types import Perturbation, Traffic, World, plain
-from ship_trl.files.disk import atomic_write
 from ship_trl.files.table import Cells, read_table
 from ship_trl.sim.cases import (
     Case,
@@ -259,16 +256,3 @@ def _to_scene(cells: Cells) -> Scene:
     case = Case([0.0, 0.0], 90.0, [0.0, 600.0], cells["encounter"], ships, cells["name"])
     best_return = read_as(float, cells["best_return"], where, key="best_return")
     return Scene(case, best_return, [int(digit) for digit in cells["actions"]])
-
-
-def write_scenes(path: Path, scenes: Iterable[Scene]) -> None:
-    """Write a table of scenes. The class of encounter is the case's `ideal_path`."""
-    with atomic_write(path) as draft, draft.open("w", newline="") as file:
-        table = csv.writer(file, lineterminator="\n")
-        table.writerow(TABLE_COLUMNS)
-        for case, best_return, actions in scenes:
-            ships = [(ship.x, ship.y, ship.heading, ship.speed) for ship in case.target_ships]
-            numbers = [f"{number:.4f}" for ship in ships for number in ship]
-            numbers += [""] * (len(SHIP_COLUMNS) * MAX_SHIPS - len(numbers))
-            plan = "".join(map(str, actions))
-            table.writerow([case.name, case.ideal_path, *numbers, f"{best_return:.3f}", plan])

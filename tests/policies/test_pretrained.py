@@ -1,9 +1,7 @@
 """The bundled networks match their manifest, and runs can start from them."""
 
 import hashlib
-import json
 from dataclasses import replace
-from pathlib import Path
 
 import pytest
 import torch
@@ -20,10 +18,8 @@ from ship_trl.policies.reference import best_known
 from ship_trl.sim.cases import load_case, load_world
 from ship_trl.sim.suites import Perturbation, load_suite
 from tests.cli.test_evaluate import table
-from tests.command import ship_trl
 
 WORLD = load_world()
-SMOKE = ("method=finetune", "layers=3", "profile=smoke", "learn.episodes=3", "learn.jumpstart_draws=0")
 
 
 def test_each_bundled_case_has_a_network_that_matches_the_manifest() -> None:
@@ -97,12 +93,3 @@ def test_the_networks_of_random_encounters_are_what_the_manifest_says() -> None:
         assert network.observes == one.observation
         assert [*one.success_rates] == list(TESTS)
         assert one.success_rates["imazu"] == sum(episode.goal for episode in episodes) / 22
-
-
-def test_a_run_begins_with_one(tmp_path: Path) -> None:
-    done = ship_trl("+pair=high", "source=pretrained", *SMOKE, "output=runs", folder=tmp_path)
-    assert "case 1 -> case 2, FT3-pretrained" in done.stdout
-    folder = tmp_path / "runs" / "high" / "FT3-pretrained" / "seed=0"
-    assert json.loads((folder / "result.json").read_text())["source_network"] == "pretrained:1"
-    # No source was trained.
-    assert not (tmp_path / "runs" / "1").exists()

@@ -9,8 +9,8 @@ from ship_trl.config.errors import ConfigError
 from ship_trl.config.paths import conf_dir
 from ship_trl.config.types import World
 from ship_trl.policies.reference import follow_plan
-from ship_trl.sim.suites import TABLE_COLUMNS, load_suite, read_scenes, write_scenes
-from studies.scenes import EMPTY_ROOM, ROOM, draw_case
+from ship_trl.sim.suites import TABLE_COLUMNS, load_suite, read_scenes
+from studies.scenes import EMPTY_ROOM, ROOM, draw_case, write_scenes
 
 TABLE = conf_dir() / "suite" / "traffic_test.csv"
 

@@ -25,7 +25,6 @@ from ship_trl.sim.state import (
     X,
     Y,
     goal_distance,
-    is_present,
     relative_positions,
     target_ships,
 )
@@ -79,17 +78,6 @@ def test_perturbed_starts_stay_in_their_bounds(world: World) -> None:
     assert not bool(change[:, [GOAL_X, GOAL_Y, SHIP_COUNT]].any())
     assert bool((relative_positions(states).norm(dim=-1) >= world.safe_distance).all())
     assert bool((goal_distance(states) > world.goal_distance).all())
-
-
-def test_starts_inside_the_safe_distance_are_drawn_again(world: World) -> None:
-    case = load_case("4", world)
-    near = replace(case, target_ships=[replace(case.target_ships[0], x=0.0, y=60.0)])
-    # Between 45 and 60 m half of the places are too near; the first case has nothing to check.
-    suite = replace(suite_of(near, Perturbation(ship_position=40.0)), cases=(load_case("1", world), near))
-    states = Starts(suite, world).sample(400, draw())
-    distance = relative_positions(states).norm(dim=-1)[is_present(states)]
-    assert 150 < len(distance) < 250
-    assert world.safe_distance <= float(distance.min()) < world.safe_distance + 5
 
 
 def test_balanced_starts_take_the_cases_in_turn(world: World) -> None:

@@ -7,7 +7,6 @@ import math
 
 import pytest
 import torch
-from safetensors.torch import load_file
 from tensordict import TensorDict
 from torch import Generator, Tensor
 
@@ -16,17 +15,13 @@ from ship_trl.config.transfer import L2SP, Guide, GuideSchedule, QDagger, Transf
 from ship_trl.learn.double_dqn import build
 from ship_trl.learn.network import DuelingNetwork
 from ship_trl.learn.optimiser import ChannelsLastAdam, learning_groups
-from ship_trl.run.experiment import run_experiment
-from ship_trl.run.plan import make_run
 from ship_trl.sim.state import STEP
 from ship_trl.transfer.methods import make_method
 from ship_trl.transfer.methods.base import Origin, TransferMethod, fixed_copy
 from ship_trl.transfer.methods.guide import probability
-from tests.config.test_config import composed
 from tests.learn.test_double_dqn import batch, observed
 from tests.learn.worlds import draw, fast_setup, schedule
 
-SMOKE = ("profile=smoke", "learn.episodes=9", "learn.jumpstart_draws=0", "learn.replay_size=150")
 HEAD = ("shared", "value", "advantage")
 
 
@@ -49,14 +44,6 @@ def steps(reward: float, done: bool) -> TensorDict:
     """Return a step of two environments; the second never ends."""
     following = {"reward": torch.tensor([[reward], [7.0]]), "done": torch.tensor([[done], [False]])}
     return TensorDict({"next": TensorDict(following, [2])}, [2])
-
-
-def train(folder: str, *words: str) -> dict[str, Tensor]:
-    """Train a run on pair high, with its source in the case base `shared`; return its last network."""
-    run = make_run(composed(*SMOKE, "+pair=high", f"output={folder}", "case_base=shared", *words))
-    run_experiment(run)
-    weights: dict[str, Tensor] = load_file(run.folder / "policy_last.safetensors")
-    return weights
 
 
 @pytest.mark.parametrize(
@@ -97,21 +84,6 @@ def test_a_frozen_head_keeps_its_bytes_while_conv_layers_learn() -> None:
         assert torch.equal(start[key], value) == key.startswith(HEAD), key
 
 
-@pytest.mark.long
-def test_without_a_pull_and_without_belief_it_is_finetuning() -> None:
-    numbers = "observation=vector", "learn.num_envs=4"
-    wanted = train("one", "+arm=FT3", *numbers)
-    for words in (
-        ("+arm=SP3", "transfer.l2sp.copied=0"),
-        ("+arm=G3", "transfer.guide.belief=0"),
-        ("+arm=QD3", "transfer.qdagger.weight=0"),
-    ):
-        found = train(words[0][5:], *words, *numbers)
-        assert all(torch.equal(found[key], value) for key, value in wanted.items()), words
-    pulled = train("pulled", "+arm=SP3", *numbers)
-    assert not torch.equal(pulled["linear1.weight"], wanted["linear1.weight"])
-
-
 def test_the_pull_is_half_the_squared_change() -> None:
     target, source = network(0), network(1)
     method = make("SP1", Transfer(l2sp=L2SP(copied=0.5, fresh=0.25)))
@@ -147,23 +119,6 @@ def test_the_source_chooses_as_often_as_it_is_believed() -> None:
     assert float(guided.float().mean()) == pytest.approx(0.3, abs=4 * math.sqrt(0.3 * 0.7 / count))
     best = network(1)(draw(state)).argmax(-1)
     assert torch.equal(step["action"][guided], best[guided])
-
-
-def test_a_guide_that_goes_on_draws_the_same_numbers() -> None:
-    one, other = (make("G", Transfer(guide=Guide(period=1.0))) for _ in range(2))
-    state = torch.zeros(50, STEP + 1)
-
-    def chosen(method: TransferMethod) -> list[int]:
-        step = TensorDict({"state": state, "action": torch.full((50,), -1)}, [50])
-        method.act(step, 0.5)
-        return [int(action) for action in step["action"]]
-
-    for method in (one, other):
-        method.attach(origin())
-    first = chosen(one)
-    assert chosen(one) != first
-    other.load_state_dict(one.state_dict())
-    assert chosen(one) == chosen(other)
 
 
 def test_the_divergence_is_that_of_the_two_policies_and_fades() -> None:

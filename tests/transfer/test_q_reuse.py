@@ -13,7 +13,6 @@ from ship_trl.config.arm import Arm
 from ship_trl.config.errors import ConfigError
 from ship_trl.config.network import load_network as load_config
 from ship_trl.fast.worlds import make_env
-from ship_trl.learn.double_dqn import DoubleDQN, build
 from ship_trl.learn.network import DuelingNetwork, make_network
 from ship_trl.learn.policy import greedy_policy
 from ship_trl.policies.named import load_network
@@ -21,8 +20,7 @@ from ship_trl.sim.cases import load_case, load_world
 from ship_trl.transfer.methods import make_method
 from ship_trl.transfer.methods.base import Origin, TransferMethod, fixed_copy
 from ship_trl.transfer.weights import load_weights, save_weights
-from tests.learn.test_double_dqn import batch, by_hand, observed
-from tests.learn.worlds import draw, fast_setup, schedule
+from tests.learn.worlds import draw
 
 SCALES = 0.5, 0.25
 
@@ -63,32 +61,6 @@ def test_q_is_the_sum_in_the_rewards_of_the_target(layers: str) -> None:
     torch.testing.assert_close(target.dense_q_values(seen), wanted, rtol=1e-5, atol=1e-6)
     step = greedy_policy(target, lambda state: state)(TensorDict({"state": seen}, [len(seen)]))
     assert torch.equal(step["action"], wanted.argmax(-1))
-
-
-def learner() -> DoubleDQN:
-    target, method = reused()
-    exploration, replay = (Generator().manual_seed(seed) for seed in (9001, 9002))
-    return build(fast_setup(target, draw, 7, schedule(), exploration, replay, method))
-
-
-def test_updates_use_the_sum_and_leave_the_source_as_it_is() -> None:
-    made = learner()
-    assert made.backend == "incremental" and made.online_network.reused is not None
-    start = {key: value.clone() for key, value in made.online_network.state_dict().items()}
-    target = fixed_copy(made.online_network, start)
-    for _ in range(3):
-        wanted = by_hand(made.online_network, target, batch(), schedule())
-        found = made.learn_from(observed(made, batch()))
-        torch.testing.assert_close(found, wanted.detach(), rtol=1e-5, atol=1e-7)
-        target.load_state_dict(made.network.state_dict())
-    for key, value in made.online_network.state_dict().items():
-        assert torch.equal(value, start[key]) == key.startswith("reused."), key
-        average = made.network.state_dict()[key]
-        assert (average.data_ptr() == value.data_ptr()) == key.startswith("reused."), key
-    seen = observations("paper")
-    dense = made.online_network.dense_q_values(seen)
-    torch.testing.assert_close(made.online_network(seen), dense, rtol=1e-4, atol=1e-5)
-    assert not any(key.startswith("target.reused") for key in made.state_dict())
 
 
 @pytest.mark.parametrize("layers", ["paper", "vector"])

@@ -1,7 +1,6 @@
 """Log a run's numbers: always to CSV, and to the trackers that `logger` names, which are a file each here.
 
-The file `NAME.py` has a function `start`, which makes a `Tracker` of a run or returns None if it cannot log
-now. `logger=NAME` is then allowed.
+The file `NAME.py` has a function `start`, which makes a `Tracker` of a run. `logger=NAME` is then allowed.
 """
 
 from __future__ import annotations
@@ -48,9 +47,9 @@ class Trackers:
 
     def __enter__(self) -> Trackers:
         modules = (import_module(f"{__name__}.{name}") for name in trackers_of(self._run.config.logger))
-        started: list[Tracker | None] = [module.start(self._run) for module in modules]
+        started: list[Tracker] = [module.start(self._run) for module in modules]
         open_folder(self._run, resume=bool(self._rows))
-        for tracker in filter(None, started):
+        for tracker in started:
             tracker.begin()
             self._all.append(tracker)
         for row in self._rows:

@@ -12,7 +12,7 @@ from typing import Any, Literal
 
 from ship_trl.config.errors import ConfigError
 from ship_trl.config.types import WandbMode, plain
-from ship_trl.files.disk import DISK, atomic_write, read_file
+from ship_trl.files.disk import atomic_write
 from ship_trl.files.record import RunRecord
 from ship_trl.run import console
 from ship_trl.run.checkpoint import FOLDER
@@ -21,31 +21,6 @@ from ship_trl.run.plan import Run
 
 # Seconds to wait for the network when a run starts, and for the upload when it ends.
 INIT_TIMEOUT, FINISH_TIMEOUT = 30.0, 120.0
-MAX_NOTE_BYTES = 1000
-
-
-def start(run: Run) -> WandbTracker | None:
-    """Start a run in wandb; on a full disk print a message and return None.
-
-    Raises:
-        ConfigError: wandb refuses the settings, or its folder is not writable.
-    """
-    try:
-        return WandbTracker(run)
-    except Exception as error:  # from wandb or its dependencies
-        if not is_disk_full(error):
-            raise ConfigError(f"wandb: {describe(error)}; logger=csv trains without wandb") from None
-        console.say(f"wandb: {describe(error)}; the run continues without wandb")
-        return None
-
-
-def is_disk_full(error: BaseException | None) -> bool:
-    """Return whether a full disk caused the error; wandb's own errors say it only in their text."""
-    while error is not None:
-        if getattr(error, "errno", None) in DISK or "no space left" in str(error).lower():
-            return True
-        error = error.__cause__ or error.__context__
-    return False
 
 
 class WandbTracker:
@@ -53,6 +28,9 @@ class WandbTracker:
 
     A resumed run continues in wandb under the same id. If wandb fails (network, account, full disk), the
     training continues without it.
+
+    Raises:
+        ConfigError: wandb refuses the settings, or cannot write its files.
     """
 
     def __init__(self, run: Run) -> None:
@@ -65,17 +43,20 @@ class WandbTracker:
         self._folder = Path(run.config.wandb.folder)
         self._logged = 0
         self._failed = False
+        self._wandb: Any = None
         self._folder.mkdir(parents=True, exist_ok=True)
-        online = run.config.wandb.mode is WandbMode.online
-        try:
-            self._wandb = self._init(run, "online" if online else "offline")
-        except Exception as error:  # from wandb or its dependencies
-            if not online:
-                raise
-            console.say(f"wandb: {describe(error)}; this run is logged offline")
-            # A new id, because wandb still holds the id of the run that it could not start.
-            self._id = secrets.token_hex(4)
-            self._wandb = self._init(run, "offline")
+        if run.config.wandb.mode is WandbMode.online:
+            try:
+                self._wandb = self._init(run, "online")
+            except Exception as error:  # from wandb or its dependencies
+                console.say(f"wandb: {describe(error)}; this run is logged offline")
+                # A new id, because wandb still holds the id of the run that it could not start.
+                self._id = secrets.token_hex(4)
+        if self._wandb is None:
+            try:
+                self._wandb = self._init(run, "offline")
+            except Exception as error:
+                raise ConfigError(f"wandb: {describe(error)}; logger=csv trains without wandb") from None
         self._wandb.define_metric("episode", hidden=True)
         for name in ("train/*", "greedy/*"):
             self._wandb.define_metric(name, step_metric="episode")
@@ -106,7 +87,7 @@ class WandbTracker:
     def _read_id(self) -> str | None:
         """Read the wandb id of this run, or return None if it was not started before."""
         try:
-            config_hash, wandb_id = read_file(self._note, most=MAX_NOTE_BYTES).decode().split()
+            config_hash, wandb_id = self._note.read_text().split()
         except (OSError, ValueError):
             return None
         return wandb_id if config_hash == self._config_hash and wandb_id.isalnum() else None
@@ -173,3 +154,6 @@ class WandbTracker:
 def describe(error: Exception) -> str:
     """Return an error's message as one line."""
     return " ".join(str(error).split()).rstrip(".") or type(error).__name__
+
+
+start = WandbTracker

@@ -162,14 +162,13 @@ def compare(found: list[RunRecord], one: Path, other: Path) -> Iterable[list[str
 
 def picture(path: Path, found: list[RunRecord]) -> None:
     """Draw learning curves: a panel for each pair, a line for each arm and folder."""
-    from ship_trl.view.curves import Curve, draw_comparison
+    from ship_trl.view.curves import draw_comparison
 
     several = len({one.below for one in found}) > 1
-    panels: dict[str, dict[str, list[Curve]]] = {}
+    panels: dict[str, dict[str, list[RunRecord]]] = {}
     for one in with_curves(found):
         name = f"{one.below}: {one.name}" if several else one.name
-        curve = Curve(one.training.returns, one.greedy.episode, one.greedy.returns)
-        panels.setdefault(one.label, {}).setdefault(name, []).append(curve)
+        panels.setdefault(one.label, {}).setdefault(name, []).append(one)
     if not panels:
         raise ConfigError("picture: no learning curve to draw")
-    draw_comparison(path, panels, {one.label: one.best_known_return for one in found})
+    draw_comparison(path, panels)

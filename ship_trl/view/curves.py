@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -14,7 +13,7 @@ from matplotlib.figure import Figure, SubFigure
 from numpy.typing import NDArray
 
 from ship_trl.files.curve import moving_mean
-from ship_trl.files.record import Evaluation
+from ship_trl.files.record import Evaluation, RunRecord
 from ship_trl.learn.train import Finished
 from ship_trl.view.chart import save, tidy
 from ship_trl.view.palette import (
@@ -40,16 +39,8 @@ LEGEND_LETTERS, SAMPLE_LETTERS = 84, 9
 Returns = NDArray[np.float64]
 
 
-@dataclass(frozen=True)
-class Curve:
-    """The curve of a run: returns of training episodes [E], and greedy returns [G] after `episodes` [G]."""
-
-    returns: Returns
-    episodes: NDArray[np.int64]
-    greedy: Returns
-
-
-Groups = Mapping[str, Sequence[Curve]]
+# The runs of an arm, one for each seed, by its name.
+Groups = Mapping[str, Sequence[RunRecord]]
 
 
 def draw_curve(
@@ -139,39 +130,37 @@ def draw_transfer(
     save(figure, path)
 
 
-def draw_comparison(path: Path, panels: Mapping[str, Groups], best: Mapping[str, float | None]) -> None:
-    """Write a PNG with a panel for each pair: training returns above, greedy returns below.
-
-    `panels` holds curves by title and arm, one for each seed; `best` the best known return by title, or None.
-    """
+def draw_comparison(path: Path, panels: Mapping[str, Groups]) -> None:
+    """Write a PNG with a panel for each pair: training returns above, greedy returns below."""
     columns = min(COLUMNS, len(panels))
     rows = math.ceil(len(panels) / columns)
     size = (PANEL_SIZE[0] * columns, PANEL_SIZE[1] * rows)
     figure = Figure(figsize=size, dpi=100, layout="constrained")
     places = figure.subfigures(rows, columns, squeeze=False).flat
     for place, (title, groups) in zip(places, panels.items(), strict=False):
-        _draw_panel(place, title, groups, best[title])
+        _draw_panel(place, title, groups)
     save(figure, path)
 
 
-def _draw_panel(place: SubFigure, title: str, groups: Groups, best: float | None) -> None:
+def _draw_panel(place: SubFigure, title: str, groups: Groups) -> None:
+    best = next(iter(groups.values()))[0].best_known_return
     upper, lower = place.subplots(2, 1, sharex=True)
     upper.set_title(title, parse_math=False)
     styles = arm_styles(list(groups))
-    for name, curves in groups.items():
-        length = min(len(curve.returns) for curve in curves)
-        smooth = moving_mean(np.stack([curve.returns[:length] for curve in curves]), MEAN_OVER)
-        label = f"{name} ({counted(len(curves), 'seed')})"
+    for name, runs in groups.items():
+        length = min(len(run.training.returns) for run in runs)
+        smooth = moving_mean(np.stack([run.training.returns[:length] for run in runs]), MEAN_OVER)
+        label = f"{name} ({counted(len(runs), 'seed')})"
         _draw_band(upper, np.arange(1, length + 1), smooth, label, styles[name], 1.8)
-        length = min(len(curve.greedy) for curve in curves)
-        greedy = np.stack([curve.greedy[:length] for curve in curves])
-        _draw_band(lower, curves[0].episodes[:length], greedy, name, styles[name], 1.8)
+        length = min(len(run.greedy.returns) for run in runs)
+        greedy = np.stack([run.greedy.returns[:length] for run in runs])
+        _draw_band(lower, runs[0].greedy.episode[:length], greedy, name, styles[name], 1.8)
     for axes in (upper, lower):
         if best is not None:
             axes.axhline(best, color=MUTED, linewidth=1, label=f"best known: {best:.1f}")
         tidy(axes)
     # Where no greedy return is above the bound, it would hide all of them.
-    highest = max((float(curve.greedy.max()) for curves in groups.values() for curve in curves), default=0.0)
+    highest = max((float(run.greedy.returns.max()) for runs in groups.values() for run in runs), default=0.0)
     lowest = LOWEST_GREEDY if highest > LOWEST_GREEDY else None
     lower.set_ylim(lowest, None if best is None else best + 15)
     lower.set_xlabel("training episodes")

@@ -5,21 +5,23 @@ from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
+import pandas as pd
 import pytest
 from numpy.typing import NDArray
 from PIL import Image
 
-from ship_trl.files.record import Evaluation
+from ship_trl.files.curve import GREEDY, TRAINING
+from ship_trl.files.record import Evaluation, RunRecord
 from ship_trl.learn.train import Finished
-from ship_trl.view.curves import Curve, draw_comparison, draw_curve, draw_transfer
+from ship_trl.view.curves import draw_comparison, draw_curve, draw_transfer
 from ship_trl.view.palette import CHART_SERIES, SCRATCH, arm_styles
-from tests.a_result import an_evaluation
+from tests.a_result import a_result, an_evaluation
 
 OUTCOMES = ("collision", "timeout", "goal")
 ROWS = [
     Finished(k, 30 * k, 1 - k / 100, 3.0 * k - 300, 30, OUTCOMES[k % 3], 60.0, None) for k in range(1, 101)
 ]
-GREEDY = [
+EVALUATED = [
     an_evaluation(-320.0, "collision", 0),
     an_evaluation(-500.0, "timeout", 50),
     an_evaluation(60.0, "goal", 100),
@@ -38,7 +40,7 @@ def pixels_of(picture: NDArray[np.uint8], colour: str) -> NDArray[np.int64]:
 
 def test_the_mean_rises_with_the_returns(tmp_path: Path) -> None:
     path = tmp_path / "curve.png"
-    draw_curve(path, ROWS, GREEDY, 63.7, "case 3 -> case 4, FT3, seed 0")
+    draw_curve(path, ROWS, EVALUATED, 63.7, "case 3 -> case 4, FT3, seed 0")
     assert [p.name for p in tmp_path.iterdir()] == ["curve.png"]
     picture = read(path)
     assert picture.shape == (800, 1200, 3)
@@ -49,7 +51,7 @@ def test_the_mean_rises_with_the_returns(tmp_path: Path) -> None:
 
 @pytest.mark.parametrize(
     ("rows", "greedy"),
-    [([], [GREEDY[0]]), (ROWS[:2], GREEDY[:1]), ([replace(row, epsilon=math.nan) for row in ROWS], GREEDY)],
+    [([], [EVALUATED[0]]), (ROWS[:2], EVALUATED[:1]), ([replace(row, epsilon=math.nan) for row in ROWS], EVALUATED)],
     ids=["no episode", "two episodes", "no epsilon"],
 )
 def test_a_curve_of_few_episodes_is_drawn(
@@ -75,14 +77,22 @@ def test_a_transfer_and_scratch_have_their_lines_at_their_heights(tmp_path: Path
     assert black[:, 0].min() > run[:, 0].max() + 200
 
 
-def curve(level: float, episodes: int = 60) -> Curve:
-    return Curve(np.full(episodes, level), np.arange(0, episodes + 1, 10), np.full(7, level))
+def curve(level: float, episodes: int = 60) -> RunRecord:
+    return made(np.full(episodes, level), np.full(7, level))
+
+
+def made(returns: NDArray[np.float64], greedy: NDArray[np.float64]) -> RunRecord:
+    """A run whose greedy evaluations are ten episodes apart."""
+    parts = (TRAINING, np.arange(1, len(returns) + 1), returns), (GREEDY, 10 * np.arange(len(greedy)), greedy)
+    rows = [pd.DataFrame({"kind": kind, "episode": at, "return": values}) for kind, at, values in parts]
+    table = pd.concat(rows).assign(epsilon=np.nan, outcome="goal", dcpa=np.nan)
+    return a_result(best_known_return=60.0, rows=table)
 
 
 def test_every_arm_has_its_line_at_its_height(tmp_path: Path) -> None:
     path = tmp_path / "curves.png"
     groups = {"FE3": [curve(0.0), curve(10.0), curve(5.0)], "FT3": [curve(50.0), curve(50.0, 55)]}
-    draw_comparison(path, {"case 4": groups, "case 2": groups}, {"case 4": 60.0, "case 2": 60.0})
+    draw_comparison(path, {"case 4": groups, "case 2": groups})
     assert [p.name for p in tmp_path.iterdir()] == ["curves.png"]
     picture = read(path)
     assert picture.shape == (640, 1040, 3)
@@ -103,7 +113,7 @@ def test_many_panels_stand_in_rows_of_three(tmp_path: Path) -> None:
     path = tmp_path / "curves.png"
     names = [f"case {k}" for k in range(5)]
     groups = {f"arm {k}": [curve(float(k))] for k in range(6)}
-    draw_comparison(path, dict.fromkeys(names, groups), dict.fromkeys(names, 60.0))
+    draw_comparison(path, dict.fromkeys(names, groups))
     picture = read(path)
     high, wide = picture.shape[0] // 2, picture.shape[1] // 3
     assert wide <= 540 and high <= 700
@@ -113,8 +123,8 @@ def test_many_panels_stand_in_rows_of_three(tmp_path: Path) -> None:
 
 def test_the_legend_covers_no_line(tmp_path: Path) -> None:
     path = tmp_path / "curves.png"
-    falling = Curve(np.linspace(60, -300, 60), np.arange(0, 61, 10), np.linspace(60, -90, 7))
-    draw_comparison(path, {"case 4": {"falling": [falling]}}, {"case 4": 60.0})
+    falling = made(np.linspace(60, -300, 60), np.linspace(60, -90, 7))
+    draw_comparison(path, {"case 4": {"falling": [falling]}})
     line = pixels_of(read(path), CHART_SERIES[0])
     # In both halves it goes on to the right end of the axes without a gap.
     for top, bottom in ((0, 300), (300, 570)):

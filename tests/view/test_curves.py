@@ -51,7 +51,11 @@ def test_the_mean_rises_with_the_returns(tmp_path: Path) -> None:
 
 @pytest.mark.parametrize(
     ("rows", "greedy"),
-    [([], [EVALUATED[0]]), (ROWS[:2], EVALUATED[:1]), ([replace(row, epsilon=math.nan) for row in ROWS], EVALUATED)],
+    [
+        ([], [EVALUATED[0]]),
+        (ROWS[:2], EVALUATED[:1]),
+        ([replace(row, epsilon=math.nan) for row in ROWS], EVALUATED),
+    ],
     ids=["no episode", "two episodes", "no epsilon"],
 )
 def test_a_curve_of_few_episodes_is_drawn(

@@ -23,6 +23,11 @@ def one_line(text: str) -> str:
     """Escape line breaks and control characters of a text, and shorten a long one."""
     if len(text) > MAX_LINE_LENGTH:
         text = f"{text[: MAX_LINE_LENGTH // 2]} ... {text[-MAX_LINE_LENGTH // 3 :]}"
+    return escape(text)
+
+
+def escape(text: str) -> str:
+    """Escape line breaks and control characters of a text."""
     return "".join(c if c.isprintable() else c.encode("unicode_escape").decode() for c in text)
 
 

@@ -24,7 +24,7 @@ from rich.progress import (
 from rich.table import Column, Table
 
 from ship_trl.config.command import command
-from ship_trl.config.errors import one_line
+from ship_trl.config.errors import escape, one_line
 from ship_trl.sim.suites import describe
 
 if TYPE_CHECKING:
@@ -280,7 +280,7 @@ def show(
     """
     kept = [k for k, heading in enumerate(headings) if shown is None or heading in shown]
     # Names from foreign files must not control a terminal.
-    headings, *rows = ([one_line(cells[k]) for k in kept] for cells in (headings, *rows))
+    headings, *rows = ([escape(cells[k]) for k in kept] for cells in (headings, *rows))
     if markdown:
         lines = (headings, ["---"] * len(headings), *rows)
         above = f"{title}\n\n" if title else ""

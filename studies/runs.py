@@ -140,7 +140,7 @@ def make_row(
 @cache
 def bounds(case: str) -> tuple[float, float]:
     """Return the mean return of random actions in a case, and the best known return."""
-    from ship_trl.policies.zero_shot import score_bounds
+    from ship_trl.policies.reference import score_bounds
     from ship_trl.sim.cases import load_case, load_world
 
     world = load_world()

@@ -209,7 +209,7 @@ def show_expected(target: Case, sources: list[Case], world: World) -> None:
     """Print the bundled network with the largest zero-shot score, which predicts gains best."""
     from ship_trl.fast.worlds import make_env
     from ship_trl.policies.named import load_network
-    from ship_trl.policies.zero_shot import score_bounds, zero_shot
+    from ship_trl.policies.reference import score_bounds, zero_shot
 
     names, bounds = {case.name for case in sources}, score_bounds(target, world)
     env = make_env(suite_of(target), world)

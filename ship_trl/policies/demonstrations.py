@@ -8,9 +8,7 @@ from __future__ import annotations
 import hashlib
 import itertools
 import json
-import os
 from collections.abc import Sequence
-from contextlib import suppress
 from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Annotated
@@ -21,7 +19,7 @@ from ship_trl.config.errors import ConfigError
 from ship_trl.config.schema import read_as, rule
 from ship_trl.config.types import World
 from ship_trl.config.world import world_values
-from ship_trl.files.disk import read_json, writing
+from ship_trl.files.disk import atomic_write, read_json
 from ship_trl.sim.cases import Case
 
 SCHEMA_VERSION = 1
@@ -62,18 +60,10 @@ def write_demonstration(
     """
     folder.mkdir(parents=True, exist_ok=True)
     found = Demonstration(case.name, case.fingerprint, digest(world), list(actions), *ended, by)
-    draft = folder / f".{case.name}.{os.getpid()}.json"
-    try:
-        with writing(draft):
-            draft.write_text(json.dumps(asdict(found)) + "\n")
-        for number in itertools.count(1):
-            path = folder / f"{case.name}-{number:03d}.json"
-            with suppress(FileExistsError):
-                # If two processes want the same number, the second takes the next one.
-                os.link(draft, path)
-                break
-    finally:
-        draft.unlink(missing_ok=True)
+    paths = (folder / f"{case.name}-{number:03d}.json" for number in itertools.count(1))
+    path = next(path for path in paths if not path.exists())
+    with atomic_write(path) as draft:
+        draft.write_text(json.dumps(asdict(found)) + "\n")
     return path
 
 

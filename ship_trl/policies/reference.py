@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import hashlib
 import json
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from contextlib import suppress
 from functools import cache
 from pathlib import Path
@@ -21,22 +21,24 @@ from ship_trl.config.errors import ConfigError
 from ship_trl.config.paths import conf_dir
 from ship_trl.config.types import World
 from ship_trl.config.world import world_values
-from ship_trl.fast.worlds import make_starts, make_step
+from ship_trl.fast.worlds import make_env, make_starts, make_step
 from ship_trl.files.disk import atomic_write, read_json
-from ship_trl.learn.rollout import Policy
+from ship_trl.learn.network import DuelingNetwork
+from ship_trl.learn.policy import greedy_policy
+from ship_trl.learn.rollout import Policy, rollout
 from ship_trl.policies.planner import Plan, best_plan
 from ship_trl.sim.cases import Case
 from ship_trl.sim.env import ShipEnv
 from ship_trl.sim.starts import Starts
 from ship_trl.sim.state import STEP, initial_state
-from ship_trl.sim.suites import Scene, Suite, read_scenes
+from ship_trl.sim.suites import Scene, Suite, read_scenes, suite_of
 from ship_trl.sim.transition import Transition
 
 # Increase it with every change of the planner or of a reward term's formula that may find another plan.
 PLANNER_VERSION = 2
 BUNDLED_PLANS = Path(__file__).parent / "plans"
-# Raw return. Processors round differently, so a cached plan's return may differ by this much.
-RETURN_TOLERANCE = 1e-3
+# Raw return. Processors round differently, and tables keep three decimals: a kept plan's may differ by this.
+RETURN_TOLERANCE = 2e-3
 # Episodes of `random_return`: with this many the standard error of the mean is about 2.
 EPISODES = 10_000
 # By file name.
@@ -142,12 +144,24 @@ def known_plan(case: Case, world: World, folder: Path | None = None) -> Plan | N
     """
     name = plan_name(case, world)
     if name not in _cached_plans:
-        paths = [place / name for place in (folder, BUNDLED_PLANS) if place is not None]
-        plan = next((plan for path in paths if (plan := _read(path, case, world)) is not None), None)
-        if (plan := plan or _read_table(case, world)) is None:
-            return None
-        _cached_plans[name] = plan
-    return _cached_plans[name]
+        for claimed, actions in _kept_plans(name, case, folder):
+            if all(type(action) is int and 0 <= action < len(world.actions) for action in actions):
+                plan = follow_plan(case, world, actions)
+                if abs(plan.episode_return - claimed) < RETURN_TOLERANCE:
+                    _cached_plans[name] = plan
+                    break
+    return _cached_plans.get(name)
+
+
+def _kept_plans(name: str, case: Case, folder: Path | None) -> Iterator[tuple[float, list[int]]]:
+    """Yield the returns and actions that files and the bundled tables claim; skip what cannot be read."""
+    for place in (folder, BUNDLED_PLANS):
+        with suppress(OSError, ValueError, KeyError, TypeError, OverflowError, RuntimeError):
+            if place is not None:
+                values = read_json(place / name)
+                yield float(values["return"]), list(values["actions"])
+    if scene := table_plans().get(case.fingerprint):
+        yield scene.best_return, scene.actions
 
 
 def best_known_return(
@@ -188,19 +202,6 @@ def save_plan(path: Path, plan: Plan) -> None:
         draft.write_text(json.dumps({"return": plan.episode_return, "actions": plan.actions}))
 
 
-def _read(path: Path, case: Case, world: World) -> Plan | None:
-    """Read a plan and roll it out; return None if the file is missing, damaged or gives another return."""
-    try:
-        values = read_json(path)
-        actions = values["actions"]
-        if not all(type(action) is int and 0 <= action < len(world.actions) for action in actions):
-            return None
-        plan = follow_plan(case, world, actions)
-        return plan if abs(plan.episode_return - values["return"]) < RETURN_TOLERANCE else None
-    except (OSError, ValueError, KeyError, TypeError, IndexError, OverflowError, RuntimeError):
-        return None
-
-
 @cache
 def table_plans() -> dict[str, Scene]:
     """Return the scenes of the bundled tables, with their plans, by the case's fingerprint."""
@@ -210,15 +211,6 @@ def table_plans() -> dict[str, Scene]:
         with suppress(ConfigError):
             found |= {scene.case.fingerprint: scene for scene in read_scenes(table)}
     return found
-
-
-def _read_table(case: Case, world: World) -> Plan | None:
-    """Return a plan of the bundled tables; None if there is none or it gives another return."""
-    scene = table_plans().get(case.fingerprint)
-    if scene is None or max(scene.actions, default=0) >= len(world.actions):
-        return None
-    plan = follow_plan(case, world, scene.actions)
-    return plan if abs(plan.episode_return - scene.best_return) < 2 * RETURN_TOLERANCE else None
 
 
 def follow_plan(case: Case, world: World, actions: list[int]) -> Plan:
@@ -235,3 +227,19 @@ def follow_plan(case: Case, world: World, actions: list[int]) -> Plan:
         if goal or bool(after.collision | after.truncated):
             break
     return Plan(float(total), actions, goal)
+
+
+def score_bounds(case: Case, world: World) -> tuple[float, float]:
+    """Return the mean return of random actions in a case, whose score is 0, and the best known return."""
+    return random_return(suite_of(case), world), best_known(case, world).episode_return
+
+
+def zero_shot(network: DuelingNetwork, case: Case, world: World, bounds: tuple[float, float]) -> float:
+    """Return the score of a network's greedy episode in a case: 0 for random actions or worse.
+
+    `bounds` are those of `score_bounds`.
+    """
+    env = make_env(suite_of(case), world)
+    (episode,) = rollout(env, greedy_policy(network, env.observer(network.config, network.colour)))
+    random, known = bounds
+    return max(0.0, (episode.episode_return - random) / (known - random))

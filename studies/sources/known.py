@@ -17,8 +17,7 @@ from ship_trl.learn.network import DuelingNetwork
 from ship_trl.learn.policy import greedy_policy
 from ship_trl.learn.rollout import Episode, rollout
 from ship_trl.policies.named import load_network, load_policy
-from ship_trl.policies.reference import best_known
-from ship_trl.policies.zero_shot import score_bounds
+from ship_trl.policies.reference import best_known, score_bounds
 from ship_trl.sim.cases import Case
 from ship_trl.sim.suites import Suite, suite_of
 

@@ -14,7 +14,7 @@ from torch import Tensor
 from ship_trl.explain.cka import cka, gram
 from ship_trl.learn.network import DuelingNetwork
 from ship_trl.learn.rollout import Episode
-from ship_trl.policies import zero_shot as of_networks
+from ship_trl.policies import reference as of_networks
 from ship_trl.sim.geometry import wrap_angle
 from ship_trl.sim.state import HEADING, position
 from ship_trl.transfer import similarity as of_cases

@@ -50,16 +50,6 @@ def test_a_wrong_value_is_named(change: dict[str, Any], said: str) -> None:
         from_json(a_result().to_json() | change)
 
 
-@pytest.mark.parametrize(("outcome", "rate"), [("goal", 1.0), ("collision", 0.0), ("timeout", 0.0)])
-def test_a_file_from_before_there_were_suites_has_one_episode(outcome: str, rate: float) -> None:
-    values = a_result(best=an_evaluation(10.0, outcome)).to_json()
-    for key in ("scratch", "before", "best", "final"):
-        del values[key]["success_rate"], values[key]["episodes"]
-    best = from_json(values).best
-    assert (best.success_rate, best.episodes) == (rate, 1)
-    assert from_json(values | {"best_known_return": None}).best_known_return is None
-
-
 def test_returns_on_the_source_are_read_again_and_may_be_missing() -> None:
     source = SourceReturns(83.9, -300.0, 20.5, -10.0, -203.3, None)
     result = a_result(on_source=source)

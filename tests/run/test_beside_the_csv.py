@@ -6,7 +6,6 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-import yaml
 from tensorboard.backend.event_processing.event_accumulator import EventAccumulator
 
 from tests.command import KEYS, files, ship_trl
@@ -46,17 +45,6 @@ def test_tensorboard_has_the_numbers_of_the_csv(logged: tuple[Path, str], events
         written = {int(row["episode"]): float(row[column]) for row in rows if row[column]}
         shown = {scalar.step: scalar.value for scalar in events.Scalars(name)}
         assert written and shown == {step: np.float32(value) for step, value in written.items()}
-
-
-def test_tensorboard_has_the_pictures_and_the_configuration(
-    logged: tuple[Path, str], events: EventAccumulator
-) -> None:
-    for name, file in (("learning curve", "curve.png"), ("greedy episode", "episode.gif")):
-        (image,) = events.Images(name)
-        assert image.encoded_image_string == (logged[0] / RUN / file).read_bytes()
-    (text,) = events.Tensors("config/text_summary")
-    shown = yaml.safe_load(text.tensor_proto.string_val[0].decode().strip("`"))
-    assert (shown["arm"], shown["learn"]["episodes"]) == ("scratch", 6)
 
 
 def test_a_run_prints_where_it_was_logged(logged: tuple[Path, str]) -> None:

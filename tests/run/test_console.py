@@ -1,12 +1,133 @@
-"""What a run prints at its end."""
+"""What is printed: progress, what a process waits for, tables, the end of a run."""
 
+import re
+import threading
+import time
+from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
+from filelock import FileLock
+from hypothesis import given
+from hypothesis import strategies as st
 
+from ship_trl.learn.train import Evaluated, Finished
 from ship_trl.run import console
+from ship_trl.run.console import GAP, MIN_WIDTH, Lines, show, split
+from ship_trl.study import launch as progress
+from ship_trl.study.plan import plan_jobs, to_study
 from tests.a_result import a_result
 from tests.pasted import ODD, pasted, printed_commands
+from tests.run.test_tracking import EPISODE
+from tests.study.commands import SMALL
+
+
+def test_a_line_is_due_early_and_then_in_equal_intervals() -> None:
+    now = [0.0]
+    lines, said = Lines(0.05, clock=lambda: now[0]), {}
+    for episode in range(1, 601):
+        now[0] += 1.0 if episode <= 30 else 2.0  # the first learn nothing
+        if (left := lines.due(episode / 600)) is not None:
+            said[episode] = left
+    assert list(said) == [1, *range(30, 601, 30)]
+    assert said[1] == "" and said[60] == ", about 18 min left" and said[570] == ", about 60 s left"
+    assert said[600] == ""
+
+
+def events(episodes: int, warmup: int = 12) -> Iterator[Finished | Evaluated]:
+    yield Evaluated(0, 0, [EPISODE])
+    for episode in range(1, episodes + 1):
+        loss = None if episode <= warmup else 0.5
+        yield Finished(episode, 30 * episode, 0.5, -1.25, 30, "goal", 50.0, loss)
+
+
+def test_a_run_without_a_terminal_prints_lines(capsys: pytest.CaptureFixture[str]) -> None:
+    assert len(list(console.progress("made", 100, events(100)))) == 101
+    lines = capsys.readouterr().out.splitlines()
+    assert lines[0] == "episode 1 of 100, return -1.2, greedy -3.5" and len(lines) == 21
+    assert [" left" in line for line in lines[:6]] == [False] * 4 + [True] * 2, "a pace of the warm-up alone"
+    assert re.fullmatch(r"episode 50 of 100, return -1\.2, greedy -3\.5, about \d+ s left", lines[10])
+
+
+def test_a_waiting_process_names_what_it_waits_for(
+    monkeypatch: pytest.MonkeyPatch, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.setattr(console, "SHORT_WAIT", 0.05)
+    monkeypatch.setattr(console, "LONG_WAIT", 0.1)
+    place = tmp_path / "run.lock"
+
+    def wait() -> None:
+        with console.hold(FileLock(place), "case 1, scratch, seed 0"):
+            console.say("mine")
+
+    waiting = threading.Thread(target=wait)
+    with FileLock(place):
+        waiting.start()
+        time.sleep(0.5)
+    waiting.join(10)
+    *lines, last = capsys.readouterr().out.splitlines()
+    assert last == "mine" and len(lines) >= 2
+    told = f"waiting 0 s for another process that trains case 1, scratch, seed 0 ({place})"
+    assert all(line == told for line in lines)
+    with console.hold(FileLock(place), "nothing"):  # free again
+        assert capsys.readouterr().out == ""
+
+
+def test_a_study_without_a_terminal_prints_lines(
+    monkeypatch: pytest.MonkeyPatch, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.setattr(progress, "LINE_SECONDS", 0.0)
+    config = to_study([*SMALL, f"output={tmp_path}"])
+    jobs = plan_jobs(config)
+    with progress.Display(jobs, config, episodes=10) as display:
+        display.show()
+        place = jobs[0].folder(tmp_path)
+        place.mkdir(parents=True)
+        (place / "curve.csv").write_text("episode\n5,30\n")
+        display.show()
+        display.show()
+    first, second = capsys.readouterr().out.splitlines()
+    assert first == f"0 of {len(jobs)} runs done, 0% of all; now starting"
+    job = jobs[0]
+    assert second.startswith(f"0 of {len(jobs)} runs done, {0.5 / len(jobs):.0%} of all, about ")
+    assert second.endswith(f"; now {job.label} {job.arm} {job.seed}")
+
+
+def test_things_in_turn_leave_a_line_each_where_there_is_no_terminal(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.setattr(console, "LINE_SECONDS", 0.0)
+    assert list(console.track("episodes", ["a", "b", "c"])) == ["a", "b", "c"]
+    printed = capsys.readouterr()
+    lines = [line.split(",")[0] for line in printed.err.splitlines()]
+    assert lines == ["episodes: 1 of 3 done", "episodes: 2 of 3 done"] and printed.out == ""
+    assert list(console.track("episodes", ["a"])) == ["a"]
+    assert capsys.readouterr().err == ""
+
+
+WORDS = st.text(st.characters(codec="ascii", categories=("L", "N", "P")), min_size=1, max_size=12)
+CELLS = st.lists(WORDS, min_size=1, max_size=4).map(" ".join)
+
+
+COLUMN = st.lists(CELLS, min_size=3, max_size=3)
+
+
+@given(st.lists(COLUMN, min_size=1, max_size=12), st.integers(MIN_WIDTH, 200))
+def test_parts_fit_and_hold_each_column_once(columns: list[list[str]], limit: int) -> None:
+    whole = [max(map(len, column)) for column in columns]
+    parts = list(split(columns, whole, limit, names=1))
+    assert [k for part, _ in parts for k in part[1:]] == list(range(1, len(columns)))
+    for part, widths in parts:
+        assert part[0] == 0 and sum(widths) + GAP * (len(widths) - 1) <= limit
+        for k, width in zip(part[1:], widths[1:], strict=True):
+            # A cell is narrower than its column unless it would not fit a part of its own.
+            assert width >= max(map(len, columns[k][1:])) or width == limit - widths[0] - GAP
+
+
+def test_a_file_has_lines_of_any_length(capsys: pytest.CaptureFixture[str]) -> None:
+    many = " ".join(f"{number}.25" for number in range(500))
+    show(("run", "returns"), [("scratch", many)], title="Runs")
+    assert f"scratch  {many}\n" in capsys.readouterr().out
 
 
 @pytest.mark.parametrize("name", ODD)

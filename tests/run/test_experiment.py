@@ -62,21 +62,6 @@ def test_a_run_that_another_process_finished_meanwhile_is_not_overwritten(
     assert trained == [] and find_result(one) is not None
 
 
-@pytest.mark.parametrize(("pair", "known", "is_said"), [("high", 83.9, True), ("low", 43.3, False)])
-def test_where_holding_course_is_best_the_end_says_so(
-    pair: str, known: float, is_said: bool, tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
-    run = make_run(composed(f"+pair={pair}", "layers=3", "profile=smoke", f"output={tmp_path}"))
-    run.folder.mkdir(parents=True)
-    target, digest = run.config.target, run.config_hash
-    result = a_result(pair=pair, target=target, config_hash=digest, best_known_return=known)
-    for name in ("policy.safetensors", "config.yaml"):
-        (run.folder / name).write_text(name)
-    result.write(run.folder)
-    run_experiment(run)
-    assert ("in case 2 holding course is best" in capsys.readouterr().out) == is_said
-
-
 def test_a_perturbed_run_has_no_best_known_return_and_evaluates_alike(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:

@@ -8,8 +8,6 @@ from pathlib import Path
 
 import pytest
 
-from ship_trl.config.errors import ConfigError
-from ship_trl.run.folder import open_folder
 from ship_trl.run.history import to_row
 from ship_trl.run.plan import make_run
 from ship_trl.run.trackers.csv import CsvTracker
@@ -55,9 +53,3 @@ def test_a_file_that_cannot_be_written_is_named(name: str, tmp_path: Path) -> No
         WRITERS[name](tmp_path)
     assert Path(raised.value.filename).name == name
     assert not list(tmp_path.rglob(f".{Path(name).stem}*"))  # no draft is left
-
-
-def test_a_folder_that_cannot_be_written_is_refused(tmp_path: Path) -> None:
-    run = make_run(composed("target=1", "method=scratch", f"output={tmp_path}"))
-    with pytest.raises(ConfigError, match=r"config\.yaml cannot be written: File too"), largest_file(10):
-        open_folder(run)

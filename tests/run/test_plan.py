@@ -6,13 +6,10 @@ from pathlib import Path
 import pytest
 
 from ship_trl.config.errors import ConfigError
-from ship_trl.config.paths import conf_dir
-from ship_trl.config.world import world_values
 from ship_trl.run.folder import find_result
 from ship_trl.run.plan import Run, make_run
 from tests.a_result import a_result
-from tests.command import ROOT
-from tests.config.test_config import HIGH, composed
+from tests.config.test_config import composed
 
 
 def run(*overrides: str) -> Run:
@@ -27,14 +24,6 @@ def test_source_is_the_scratch_run_of_the_source_case() -> None:
     assert all(transfer.source.stream(name) == scratch.stream(name) for name in ("weights", "replay"))
 
 
-@pytest.mark.parametrize("weights", ["random", "permuted"])
-def test_a_control_differs_from_its_arm_in_the_copied_layers_alone(weights: str) -> None:
-    control, trained = run("+pair=high", f"+arm=FE3-{weights}"), run("+pair=high", "+arm=FE3")
-    assert control.source == (None if weights == "random" else trained.source) and trained.source is not None
-    assert control.folder != trained.folder
-    assert all(control.stream(name) == trained.stream(name) for name in ("weights", "exploration", "replay"))
-
-
 def test_a_source_file_is_known_by_its_content(tmp_path: Path) -> None:
     path, hashes = tmp_path / "policy.safetensors", set()
     for content in (b"one", b"another"):
@@ -42,15 +31,6 @@ def test_a_source_file_is_known_by_its_content(tmp_path: Path) -> None:
         for weights in ("learned", "permuted"):
             line = ("+pair=high", "+arm=FE3", f"source_file={path}", f"source_weights={weights}")
             hashes.add(run(*line).config_hash)
-    assert len(hashes) == 4
-
-
-def test_a_builder_is_known_by_the_content_of_its_file() -> None:
-    hashes = set()
-    for content in ("one", "another"):
-        Path("mine.py").write_text(content)
-        for function in ("build", "make"):
-            hashes.add(run(*HIGH, f"algorithm.build='mine.py:{function}'").config_hash)
     assert len(hashes) == 4
 
 
@@ -125,15 +105,6 @@ def test_overwrite_is_for_the_target_and_not_for_its_source(tmp_path: Path) -> N
         run(*line, "learn.lr=0.5")
 
 
-def test_a_shipped_case_by_path_is_the_same_run() -> None:
-    place = ROOT / "conf/case/1.yaml"
-    by_name = run("source=1", "target=2", "layers=1")
-    by_path = run(f"source={place}", "target=2", "layers=1")
-    assert by_name.config_hash == by_path.config_hash and by_name.stream("weights") == by_path.stream(
-        "weights"
-    )
-
-
 @pytest.mark.parametrize(
     ("text", "reason"),
     [
@@ -156,17 +127,6 @@ def test_a_damaged_result_is_called_damaged_and_is_not_lost(tmp_path: Path, text
     assert find_result(run(*line, "overwrite=true")) is None
 
 
-@pytest.mark.parametrize("change", ["turn_time=2", "speed_time=4", "give_way.dcpa=60"])
-def test_a_later_key_of_the_world_is_in_the_hash_only_when_set(change: str) -> None:
-    line = ("target=1", "method=scratch")
-    paper, changed = run(*line).config, run(*line, f"world.{change}").config
-    key = change.partition("=")[0].partition(".")[0]
-    assert set(world_values(changed.world)) - set(world_values(paper.world)) == {key}
-    assert run(*line).config_hash != run(*line, f"world.{change}").config_hash
-    default = f"world.{change.partition('=')[0]}={90 if 'dcpa' in change else 0}"
-    assert run(*line, default).config_hash == run(*line).config_hash
-
-
 def test_pretrained_is_the_network_of_the_pair_or_of_the_most_similar_case() -> None:
     given = run("+pair=low", "layers=3", "source=pretrained")
     assert given.pretrained is not None and given.pretrained.name == "3" and given.source is None
@@ -180,15 +140,6 @@ def test_pretrained_is_the_network_of_the_pair_or_of_the_most_similar_case() -> 
     alone = run("target=4", "method=scratch", "source=pretrained")
     assert alone.folder.parts[-3] == "3-4" and alone.pretrained is None
     assert alone.config_hash == run("target=4", "method=scratch").config_hash
-
-
-def test_the_same_case_by_another_name_has_other_streams_and_another_hash(tmp_path: Path) -> None:
-    copy = tmp_path / "mine.yaml"
-    copy.write_text((conf_dir() / "case" / "3.yaml").read_text())
-    line = ("target=4", "layers=3", "source_weights=pretrained")
-    one, other = run(*line, "source=3"), run(*line, f"source={copy}")
-    assert one.pretrained == other.pretrained and one.stream("weights") != other.stream("weights")
-    assert one.config_hash != other.config_hash
 
 
 def test_a_suite_is_named_where_a_case_is() -> None:
@@ -230,12 +181,3 @@ def test_a_perturbation_is_of_source_and_target_and_in_the_hash_only_when_set() 
 def test_what_needs_a_single_case_is_refused(line: str, said: str) -> None:
     with pytest.raises(ConfigError, match=said):
         run(*line.split())
-
-
-@pytest.mark.parametrize("target", ["1 perturbation.own_heading=1", "traffic"])
-def test_imitation_needs_starts_that_come_again(target: str) -> None:
-    line = f"target={target} method=scratch algorithm=ppo".split()
-    run(*line, "algorithm.imitation_coeff=0")
-    said = r"algorithm\.imitation_coeff: must be 0 with starts that do not come again, as in .*, got 1"
-    with pytest.raises(ConfigError, match=said):
-        run(*line, "algorithm.imitation_coeff=1")

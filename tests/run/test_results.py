@@ -67,15 +67,6 @@ def test_a_row_holds_runs_that_differ_only_in_their_seeds(tmp_path: Path) -> Non
     }
 
 
-def test_runs_without_a_configuration_are_a_row_of_their_own(tmp_path: Path) -> None:
-    for seed in range(4):
-        write(tmp_path, "FT3", seed)
-    (tmp_path / "low/FT3/seed=1/config.yaml").unlink()
-    (tmp_path / "low/FT3/seed=2/config.yaml").write_text("[1, ${oc.env:HOME}]")
-    write(tmp_path, "FT3", 4)
-    assert rows(tmp_path) == {"low FT3": [0, 3, 4], "low FT3 config.yaml=missing": [1, 2]}
-
-
 def test_a_file_is_found_from_the_folder_where_the_run_was_started(tmp_path: Path) -> None:
     network, run = tmp_path / "outputs/case_base/policy.safetensors", tmp_path / "outputs/low/FT3/seed=0"
     network.parent.mkdir(parents=True)

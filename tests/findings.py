@@ -19,7 +19,7 @@ import yaml
 from scipy.stats import norm
 
 from ship_trl.cli.ask import answers
-from ship_trl.study.report.forest import measure_forests
+from ship_trl.study.report.gains import measure_forests
 from ship_trl.study.study import Study, read_study
 from studies.paper.claims import claims as paper_claims
 from studies.paper.judge import Grade

@@ -54,19 +54,18 @@ def main(arguments: list[str] | None = None) -> None:
             picture(options.picture, found)
         show(HEADINGS, summarise(found), options.markdown, shown=HEADINGS if options.all else SHORT)
         if options.csv is not None or options.stability:
-            from ship_trl.study.report import runs
-            from ship_trl.study.report.tables import write_csv
+            from ship_trl.study.report import tables
 
-            measured = list(runs.measure_runs(group_runs(found)))
+            measured = list(tables.measure_runs(group_runs(found)))
             if options.csv is not None:
-                write_csv(options.csv, measured)
+                tables.write_csv(options.csv, measured)
             if options.stability:
-                show(runs.STABILITY_HEADINGS, runs.stability_rows(measured), options.markdown)
+                show(tables.STABILITY_HEADINGS, tables.stability_rows(measured), options.markdown)
         if options.transfer:
-            from ship_trl.study.report import runs
+            from ship_trl.study.report import tables
 
-            show(runs.TRANSFER_HEADINGS, runs.transfer_rows(group_runs(found)), options.markdown)
-            sys.stdout.write(runs.describe_scales(found))
+            show(tables.TRANSFER_HEADINGS, tables.rows_of_transfer(group_runs(found)), options.markdown)
+            sys.stdout.write(tables.describe_scales(found))
         if options.test:
             show(TEST_HEADINGS, compare(found, *folders), options.markdown)
         for path in filter(None, (options.picture, options.csv)):

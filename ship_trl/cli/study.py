@@ -14,7 +14,10 @@ from ship_trl.run.process import TerminatedError, raise_at_sigterm
 from ship_trl.study.claims import load_claims
 from ship_trl.study.launch import (
     LOG,
+    REPORT,
     Display,
+    check_account,
+    log_summary,
     processes,
     run_jobs,
     say,
@@ -25,7 +28,6 @@ from ship_trl.study.launch import (
 )
 from ship_trl.study.manifest import run_config, write_plan
 from ship_trl.study.plan import Job, StudyConfig, plan_jobs, to_study
-from ship_trl.study.report.wandb_summary import REPORT, check_account, log_summary
 from ship_trl.study.tables import has_tables
 
 HELP = """\

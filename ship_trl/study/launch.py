@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import hashlib
 import os
 import statistics
 import subprocess
@@ -19,7 +20,7 @@ from rich.progress import BarColumn, Progress, TimeElapsedColumn, TimeRemainingC
 
 from ship_trl.config.command import override
 from ship_trl.config.errors import ConfigError
-from ship_trl.config.types import plain, trackers_of
+from ship_trl.config.types import WandbMode, plain, trackers_of
 from ship_trl.files.curve import CURVE, RunError
 from ship_trl.files.disk import atomic_write
 from ship_trl.files.record import RESULT, RunRecord, read_run
@@ -29,7 +30,7 @@ from ship_trl.run.console import Lines
 from ship_trl.run.plan import DAMAGED
 from ship_trl.study.manifest import run_config
 from ship_trl.study.plan import Job, StudyConfig, source_folder
-from ship_trl.study.records.record import read_placed
+from ship_trl.study.tables import read_placed
 from ship_trl.transfer.casebase import POLICY
 
 LOG, JOBS, CASE_BASE = "log.txt", "jobs", "case_base"
@@ -300,3 +301,67 @@ def time_runs(config: StudyConfig, episodes: int) -> float:
                 last_line = log.read_text().strip().split("\n")[-1]
                 raise ConfigError(f"overrides: short runs failed: {last_line.removeprefix('ship_trl: ')}")
         return statistics.mean(read_run(path.parent).seconds for path in Path(folder).rglob(RESULT))
+
+
+REPORT = "report"
+TABLES = ("claims", "arms", "table_2")
+
+
+def check_account(config: StudyConfig) -> None:
+    """Check that a user is logged in to wandb before hours of training begin.
+
+    Raises:
+        ConfigError: wandb is to be online, and has no key.
+    """
+    if "wandb" not in trackers_of(config.logger):
+        return
+    os.environ.setdefault("WANDB_SILENT", "true")
+    import wandb
+
+    if config.wandb.mode is WandbMode.online and not wandb.login(prompt=False, verify=False):
+        raise ConfigError("wandb: not logged in; run `wandb login`; allowed: wandb.mode=offline")
+
+
+def log_summary(config: StudyConfig) -> None:
+    """Log the report, if the study is logged to wandb.
+
+    Raises:
+        ConfigError: wandb refuses.
+    """
+    if "wandb" not in trackers_of(config.logger):
+        return
+    import pandas as pd
+    import wandb
+
+    folder = config.folder / REPORT
+    logged: dict[str, Any] = {png.stem: wandb.Image(str(png)) for png in sorted(folder.glob("*.png"))}
+    logged["page"] = wandb.Html(str(folder / "index.html"), inject=False)
+    for name in TABLES:
+        if (path := folder / f"{name}.csv").exists():
+            logged[name] = wandb.Table(dataframe=pd.read_csv(path))
+    verdicts = {}
+    if (path := folder / "claims.csv").exists():
+        verdicts = pd.read_csv(path).groupby("claim")["claim's verdict"].first().to_dict()
+    # A later report of the study replaces this one, because it has the same id.
+    digest = hashlib.sha256(str(config.folder.absolute()).encode()).hexdigest()[:12]
+    try:
+        with wandb.init(
+            project=config.wandb.project,
+            entity=config.wandb.entity,
+            mode="online" if config.wandb.mode is WandbMode.online else "offline",
+            dir=str(config.folder),
+            group=REPORT,
+            job_type=REPORT,
+            name=f"report of {config.folder.name}",
+            id=f"{REPORT}-{digest}",
+            resume="allow",
+            tags=[config.profile],
+            config={"seeds": list(config.numbers), "pairs": config.pairs, "arms": config.arms},
+            reinit="finish_previous",
+        ) as run:
+            run.log(logged)
+            run.summary.update({f"verdict/{name}": verdict for name, verdict in verdicts.items()})
+    except (wandb.Error, OSError) as error:
+        raise ConfigError(
+            f"wandb: {' '.join(str(error).split())}; wandb.mode=offline needs no account"
+        ) from None

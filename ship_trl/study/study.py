@@ -22,9 +22,17 @@ from ship_trl.study.plan import (
     Places,
     scratch_place,
 )
-from ship_trl.study.records.record import COMPUTED, NO_PART, read_runs
 from ship_trl.study.statistics import LEVEL
-from ship_trl.study.tables import LAYERS, Layer, has_tables, read_layers, read_tables
+from ship_trl.study.tables import (
+    COMPUTED,
+    LAYERS,
+    NO_PART,
+    Layer,
+    has_tables,
+    read_layers,
+    read_runs,
+    read_tables,
+)
 
 # The number of seeds between looks, and how many looks there are at most.
 BLOCK, MAX_LOOKS = 5, 5

@@ -17,22 +17,21 @@ import lzma
 import math
 import os
 import shutil
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import fields, replace
 from itertools import groupby
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple
 
-from ship_trl.config.errors import ConfigError
+from ship_trl.config.errors import ConfigError, print_error
 from ship_trl.config.paths import is_name
 from ship_trl.files.curve import GREEDY, SHARED, TRAINING, TYPES, RunError, write_curve
 from ship_trl.files.disk import MAX_FILE_BYTES, atomic_write, read_file, writing
-from ship_trl.files.record import RunRecord, check_run, from_cells
+from ship_trl.files.record import RESULT, RunRecord, check_run, from_cells, read_whole, with_curve
 from ship_trl.files.table import read_table, rows
 from ship_trl.study.manifest import PLAN, read_plan
 from ship_trl.study.plan import PARTS, Job, run_folder
-from ship_trl.study.records.record import read_runs
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -253,3 +252,42 @@ def write_layers(path: Path, rows: Sequence[Layer]) -> None:
         writer = csv.writer(file, lineterminator="\n")
         writer.writerow(Layer._fields)
         writer.writerows(ordered)
+
+
+# Fields of a result, beside the settings, that may change digits.
+COMPUTED = ("ship_trl", "torch", "device", "precision", "backend", "processor")
+# End of the message for runs outside a study's parts.
+NO_PART = "is no part of a study"
+
+
+def read_groups(groups: Mapping[str, Sequence[RunRecord]]) -> Iterator[tuple[str, RunRecord]]:
+    """Yield the runs of each group with their curves and its name; name those not whole on stderr."""
+    for name, runs in groups.items():
+        for run in runs:
+            try:
+                yield name, with_curve(run)
+            except RunError as error:
+                print_error(f"{run.folder}: {error}; left out")
+
+
+def read_placed(folder: Path, part: str = "") -> RunRecord:
+    """Read a run's folder, whose path must name the run: a copied folder is no further seed."""
+    run = read_whole(folder, part)
+    if folder.parts[-3:] != (*run.place[1:], f"seed={run.seed}"):
+        raise RunError(f"{RESULT} is of another run")
+    return run
+
+
+def read_runs(folder: Path, broken: list[tuple[Path, str]]) -> Iterator[RunRecord]:
+    """Yield the whole runs below a study's folder; add the others to `broken`, with the reason."""
+    for path in sorted(folder.glob("**/seed=*")):
+        inside = path.relative_to(folder).parts
+        if not path.is_dir() or inside[0] == "case_base":
+            continue
+        part = "/".join(inside[:-3])
+        try:
+            if part not in PARTS:
+                raise RunError(f"{part or folder} {NO_PART}")
+            yield read_placed(path, part)
+        except RunError as error:
+            broken.append((path, str(error)))

@@ -15,24 +15,22 @@ from matplotlib.patches import Patch
 from ship_trl.files.record import RunRecord
 from ship_trl.study.metrics import THRESHOLDS, has_reached, measure
 from ship_trl.study.plan import SCRATCH, Place
-from ship_trl.study.report.panels import (
-    Arm,
-    Panel,
-    Sections,
-    grouped_sections,
-    lay_out,
-    pair_sections,
-    reuse_panels,
-    reuse_title,
-)
 from ship_trl.study.report.style import (
     GREY,
     NARROW,
     PALE,
+    Panel,
+    Sections,
+    Trace,
     draw_curves,
+    grouped_sections,
+    lay_out,
     legend_above,
     look_of,
+    pair_sections,
     points,
+    reuse_panels,
+    reuse_title,
     set_episodes,
     set_range,
     smooth,
@@ -190,7 +188,7 @@ def draw_times(study: Study, width: float) -> Figure | None:
     figure, drawn = lay_out(width, sections, COLUMNS, heights, label, names=1)
     for panel, (axis,) in (one for section in drawn for one in section):
         names = []
-        for arm in (Arm(SCRATCH, panel.scratch, look_of(SCRATCH)), *panel.arms):
+        for arm in (Trace(SCRATCH, panel.scratch, look_of(SCRATCH)), *panel.arms):
             if runs := list(study.arm(*arm.place).values()):
                 style = {"color": arm.look.colour, "linestyle": arm.look.dashes, "linewidth": 1.3}
                 axis.step(*steps(runs), where="post", clip_on=False, **style)

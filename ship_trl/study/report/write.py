@@ -1,19 +1,30 @@
-"""Write the report of a study: tables, figures and page. No torch."""
+"""Writes a study's report from its runs or their tables: CSV files, figures and one page. No torch."""
 
 from __future__ import annotations
 
+import base64
 import gc
 import sys
+from collections.abc import Callable
+from functools import partial
+from math import isfinite
 from pathlib import Path
+from typing import Any
+
+import jinja2
+from matplotlib.figure import Figure
 
 from ship_trl.config.errors import ConfigError
 from ship_trl.files.disk import atomic_write
 from ship_trl.run.console import Show, show_share
-from ship_trl.study.claims import NO_CLAIMS, Claims, Verdicts
+from ship_trl.study.claims import NO_CLAIMS, Claims, Verdicts, describe_rules
+from ship_trl.study.metrics import THRESHOLDS
 from ship_trl.study.report import tables
-from ship_trl.study.report.figures import draw_all
-from ship_trl.study.report.page import render
-from ship_trl.study.study import Study, finished_study
+from ship_trl.study.report.curves import draw_differences, draw_pair, draw_reuse, draw_times
+from ship_trl.study.report.gains import draw_forest, draw_gains, draw_layers
+from ship_trl.study.report.style import NARROW, WIDE, as_png, pair_title, reuse_title, save
+from ship_trl.study.report.tables import EQUATION
+from ship_trl.study.study import Study, finished_study, pairs
 
 # Shares of the time that pass until runs are read, claims are judged and tables are written; then figures.
 READ, JUDGED, TABLES = 0.1, 0.2, 0.5
@@ -78,3 +89,91 @@ def missing_runs(study: Study, seeds: int | None = None) -> int:
     planned = {folder for folder, seed in study.plan.folders.items() if seed in shown}
     found = {record.folder for record in study.records.values()} | {path for path, _ in study.broken}
     return len(planned - found)
+
+
+def render(study: Study, **shown: Any) -> str:
+    """Return the page.
+
+    `shown` goes to the template as it is: `arms` and `similar` are rows of tables, `pictures` the figures,
+    `missing` the number of planned runs without a result; the rest is what a page of claims shows.
+    """
+    page = study.claims.page or Path(__file__).parent / "page.html"
+    environment = jinja2.Environment(
+        loader=jinja2.FileSystemLoader([Path(__file__).parent, page.parent]),
+        autoescape=True,
+        undefined=jinja2.StrictUndefined,
+        trim_blocks=True,
+        lstrip_blocks=True,
+    )
+    environment.filters["isfinite"] = isfinite
+    records = study.records.values()
+    computed = study.computed()
+    words = {
+        key: f"{key}: {', '.join(f'{value} ({count})' for value, count in counts.items())}"
+        for key, counts in computed.items()
+    }
+    return environment.get_template(page.name).render(
+        shown,
+        runs=len(records),
+        profile=", ".join(sorted({r.profile for r in records})),
+        episodes=", ".join(sorted({str(len(r.training.returns)) for r in records})),
+        seeds=len({key[3] for key in study.records}),
+        threshold=THRESHOLDS[0],
+        rules=describe_rules(study.plan.rules, study.claims.rules),
+        mixed=[words[key] for key, counts in computed.items() if len(counts) > 1],
+        computed=list(words.values()),
+        equation=EQUATION,
+        broken=study.broken,
+    )
+
+
+# Names of figures. Files of an earlier report with these names are removed unless they are drawn again.
+NAMES = (
+    *("pair_*", "reuse", "differences", "times", "gains", "gains_greedy", "gains_forest", "layers"),
+    "forest_*",
+)
+# Draws a figure of a width in inches; None if the study has no runs for it.
+Draw = Callable[[float], Figure | None]
+
+
+def drawings(study: Study) -> dict[str, tuple[str, Draw]]:
+    """Return title and drawing function of each figure by its name, in the order of the page."""
+    return {
+        **{
+            f"pair_{pair}": (pair_title(study, pair), partial(draw_pair, study, pair))
+            for pair in pairs(study)
+        },
+        "reuse": (reuse_title(study), partial(draw_reuse, study)),
+        "differences": ("Differences from scratch along the training", partial(draw_differences, study)),
+        "times": ("Time to the threshold", partial(draw_times, study)),
+        "gains": ("Gains of transfer, by source and target", partial(draw_gains, study, "area")),
+        "gains_greedy": ("Gains of transfer in greedy returns", partial(draw_gains, study, "greedy area")),
+        "gains_forest": ("Gains of the pairs in greedy returns", partial(draw_forest, study)),
+        "layers": ("Similarity of layers", partial(draw_layers, study)),
+    }
+
+
+def draw_all(study: Study, output: Path, show: Callable[[float], None]) -> list[dict[str, str]]:
+    """Draw all figures that the study has runs for, as PNG and PDF, and remove those of an earlier report.
+
+    `show` is told the share of the figures that are done.
+
+    Returns:
+        For each figure its name, its title, and its PNGs for wide and narrow screens in base64.
+    """
+    pictures, written = [], set()
+    planned = drawings(study)
+    for done, (name, (title, draw)) in enumerate(planned.items()):
+        show(done / len(planned))
+        wide, narrow = draw(WIDE), draw(NARROW)
+        if wide is None or narrow is None:
+            continue
+        paths = save(wide, output / name)
+        written |= set(paths)
+        forms = {"wide": paths[0].read_bytes(), "narrow": as_png(narrow)}
+        encoded = {form: base64.b64encode(data).decode() for form, data in forms.items()}
+        pictures.append({"name": name, "title": title} | encoded)
+    for path in (path for name in NAMES for path in output.glob(f"{name}.*")):
+        if path.suffix in (".png", ".pdf") and path not in written:
+            path.unlink()
+    return pictures

@@ -8,7 +8,7 @@ import pytest
 
 from ship_trl.cli.results import main
 from ship_trl.files.record import RunRecord, read_run
-from ship_trl.study.report.runs import STABILITY_HEADINGS, measure_runs, stability_rows
+from ship_trl.study.report.tables import STABILITY_HEADINGS, measure_runs, stability_rows
 from tests.a_result import an_evaluation
 from tests.study.synthetic import BEST, write_run
 

@@ -11,7 +11,7 @@ import pytest
 from ship_trl.files.curve import CURVE, RunError
 from ship_trl.files.record import read_whole
 from ship_trl.study.metrics import dip, late_misses
-from ship_trl.study.records.record import read_runs
+from ship_trl.study.tables import read_runs
 from tests.study.synthetic import learning, write_run
 
 

@@ -14,8 +14,8 @@ from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 from matplotlib.text import Text
 
-from ship_trl.study.report.figures import drawings
 from ship_trl.study.report.style import DPI, NARROW, WIDE, save
+from ship_trl.study.report.write import drawings
 from ship_trl.study.study import Study, read_study
 from tests.study.synthetic import make_study, write_planned
 

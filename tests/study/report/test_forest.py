@@ -9,7 +9,7 @@ from matplotlib.figure import Figure
 from ship_trl.files.curve import GREEDY
 from ship_trl.study.compare import gain
 from ship_trl.study.metrics import measure
-from ship_trl.study.report.forest import METRIC, draw_forest, measure_forests
+from ship_trl.study.report.gains import FOREST_METRIC, draw_forest, measure_forests
 from ship_trl.study.report.style import NARROW, WIDE
 from ship_trl.study.statistics import interquartile_mean
 from ship_trl.study.study import Study
@@ -34,9 +34,9 @@ def with_own(study: Study) -> Study:
 def test_a_gain_is_a_share_of_the_way_from_scratch_to_the_best_known_return() -> None:
     study = make_study(PAIR, seeds=6)
     (forest,) = measure_forests(study)
-    scratch = [measure(run, METRIC) for run in study.arm("pairs", "high", "scratch").values()]
+    scratch = [measure(run, FOREST_METRIC) for run in study.arm("pairs", "high", "scratch").values()]
     possible = 1 - interquartile_mean(np.array(scratch))
-    found = gain(study, ("pairs", "high", "FTW"), ("pairs", "high", "scratch"), METRIC)
+    found = gain(study, ("pairs", "high", "FTW"), ("pairs", "high", "scratch"), FOREST_METRIC)
     assert found is not None and list(forest.gains) == ["FE1", "FTW"]
     share = forest.gains["FTW"]
     for one, other in ((share.value, found.value), (share.low, found.low), (share.high, found.high)):

@@ -6,7 +6,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from ship_trl.study.report.layers import draw_layers
+from ship_trl.study.report.gains import draw_layers
 from ship_trl.study.report.style import WIDE
 from ship_trl.study.report.tables import layer_rows
 from ship_trl.study.statistics import interquartile_mean

@@ -9,8 +9,7 @@ import torch
 from ship_trl.config.types import World
 from ship_trl.fast.graphs import Captured
 from ship_trl.sim.cases import Case
-from ship_trl.sim.engine import Engine
-from ship_trl.sim.env import ShipEnv
+from ship_trl.sim.env import Engine, ShipEnv
 from ship_trl.sim.render import Drawing, Rasteriser
 from ship_trl.sim.starts import Starts, TrafficStarts
 from ship_trl.sim.starts import make_starts as make_plain_starts

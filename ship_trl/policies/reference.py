@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import hashlib
 import json
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator
 from contextlib import suppress
 from functools import cache
 from pathlib import Path
@@ -80,7 +80,12 @@ def random_return(
 
 def keep_course(env: ShipEnv, _: int = 0) -> Policy:
     """Return the policy that keeps its course."""
-    return follow([env.world.straight_action])
+    straight = env.world.straight_action
+
+    def policy(step: TensorDictBase) -> TensorDictBase:
+        return step.set("action", torch.full_like(step["state"][..., STEP], straight, dtype=torch.int64))
+
+    return policy
 
 
 def follow_best_known(env: ShipEnv, _: int = 0) -> Policy:
@@ -92,8 +97,6 @@ def follow_best_known(env: ShipEnv, _: int = 0) -> Policy:
     if env.suite.is_drawn:
         raise ConfigError("policy: best_known has no plan of a drawn start; allowed: cases, not perturbed")
     plans = [best_known(case, env.world).actions or [0] for case in env.suite.cases]
-    if len(plans) == 1:
-        return follow(plans[0])
     length = max(map(len, plans))
     # A plan repeats its last action.
     table = torch.tensor([plan + plan[-1:] * (length - len(plan)) for plan in plans], device=env.device)
@@ -109,17 +112,6 @@ def follow_best_known(env: ShipEnv, _: int = 0) -> Policy:
             matches = (state[begun, None] == starts).all(-1)
             case[begun] = torch.where(matches.any(-1), matches.to(torch.int8).argmax(-1), case[begun])
         return step.set("action", table[case, time.clamp(max=length - 1)])
-
-    return policy
-
-
-def follow(actions: Sequence[int]) -> Policy:
-    """Return the policy that follows a plan, and repeats its last action."""
-    plan = torch.tensor(actions or [0])
-
-    def policy(step: TensorDictBase) -> TensorDictBase:
-        time = step["state"][..., STEP].long().clamp(max=len(plan) - 1)
-        return step.set("action", plan.to(time.device)[time])
 
     return policy
 

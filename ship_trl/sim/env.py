@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Mapping
+from dataclasses import dataclass
 from functools import partial
 from typing import Any
 
@@ -15,15 +16,30 @@ from torchrl.envs import EnvBase
 
 from ship_trl.config.types import Margin, Network, World
 from ship_trl.sim.cases import Case
-from ship_trl.sim.engine import TORCH, Engine
-from ship_trl.sim.render import Rasteriser
+from ship_trl.sim.render import Drawing, Rasteriser
 from ship_trl.sim.starts import make_starts
 from ship_trl.sim.suites import Suite, suite_of
-from ship_trl.sim.transition import Transition
+from ship_trl.sim.traffic import draw_scenes
+from ship_trl.sim.transition import Step, Transition
 from ship_trl.sim.vector import VectorObservation
 
 # False in every row that an action is taken in: a row in which one of them is true begins a new episode.
 FLAGS = ("goal", "collision", "done", "terminated", "truncated")
+
+
+@dataclass(frozen=True)
+class Engine:
+    """Makes what computes a world. `ship_trl.fast` has a faster one, which may round differently.
+
+    Attributes:
+        step: makes the step of a transition.
+        drawing: makes the drawing of a rasteriser.
+        scenes: draws random encounters, see `traffic.draw_scenes`.
+    """
+
+    step: Callable[[Transition], Step] = lambda transition: transition
+    drawing: Callable[[Rasteriser], Drawing] = lambda rasteriser: rasteriser.reference
+    scenes: Callable[..., bool] = draw_scenes
 
 
 class ShipEnv(EnvBase):
@@ -73,10 +89,10 @@ class ShipEnv(EnvBase):
         device: str | torch.device = "cpu",
         generator: Generator | None = None,
         starts: Tensor | None = None,
-        engine: Engine = TORCH,
+        engine: Engine | None = None,
         margin: Margin | None = None,
     ) -> None:
-        num_envs = num_envs if starts is None else len(starts)
+        num_envs, engine = num_envs if starts is None else len(starts), engine or Engine()
         super().__init__(device=torch.device(device), batch_size=torch.Size([num_envs]))
         self.suite = suite_of(suite) if isinstance(suite, Case) else suite
         self.world = world

@@ -1,7 +1,4 @@
-"""Measure episodes of encounters: their ends, distances, rule scores and detours.
-
-`METRICS` says what each number means; the rule scores are in `rules`.
-"""
+"""Measure episodes of encounters: their ends, distances, rule scores (`rules`) and detours."""
 
 from __future__ import annotations
 
@@ -25,32 +22,6 @@ from ship_trl.sim.state import goal, goal_distance, position
 Numbers = NDArray[np.float64]
 
 
-@dataclass(frozen=True)
-class Metric:
-    """A number of an episode: its name in tables and CSV files, its unit, and what it means."""
-
-    name: str
-    unit: str
-    meaning: str
-
-
-METRICS = (
-    Metric("return", "", "undiscounted sum of raw rewards"),
-    Metric("steps", "", "steps of the episode"),
-    Metric("least_distance", "m", "least distance to any target ship, within steps too"),
-    Metric("dcpa", "m", "predicted distance at the closest point of approach, as the manoeuvre begins"),
-    Metric("tcpa", "s", "predicted time to the closest point of approach, likewise"),
-    Metric("rule_8", "", "early and apparent action, where own ship must keep clear"),
-    Metric("rule_13", "", "overtaking: keeps clear, and does not pass ahead"),
-    Metric("rule_14", "", "head-on: turns to starboard, and passes port to port"),
-    Metric("rule_15", "", "crossing, give way: keeps clear, and does not pass ahead"),
-    Metric("rule_16", "", "give way or overtaking: early, apparent and safe action"),
-    Metric("rule_17", "", "stand on or overtaken: keeps course and speed, and passes safely"),
-    Metric("path_ratio", "", "way to the goal over the straight way; only where the goal is reached"),
-    Metric("time_ratio", "", "time to the goal over that of the straight way; likewise"),
-)
-
-
 @dataclass(frozen=True, eq=False)
 class Measurements:
     """Metrics of N episodes.
@@ -58,8 +29,10 @@ class Measurements:
     Attributes:
         outcomes: goal, collision or timeout, [N].
         encounters: class at the onset of the first encounter, of several the nearest ship's, [N].
-        values: by name of `METRICS`, float64 [N]; rule scores [N, K], one for each target ship. NaN where a
-            metric does not apply.
+        values: float64 [N] by name, NaN where a metric does not apply: return (raw, undiscounted), steps;
+            least_distance to any target ship (m), within steps too; dcpa (m) and tcpa (s), predicted as the
+            manoeuvre begins; rule_8 to rule_17, scores [N, K] for each target ship; path_ratio and
+            time_ratio, way and time to the goal over those of the straight way, where the goal is reached.
     """
 
     outcomes: NDArray[np.str_]

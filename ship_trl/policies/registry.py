@@ -37,13 +37,8 @@ POLICIES = {
 ALLOWED = f"{', '.join(POLICIES)}, {PRETRAINED}, a safetensors file, or file.py:function"
 
 
-class Kind(Enum):
-    """What a word for a policy is: a name, a bundled network, a network's file, or a user's function."""
-
-    named = "named"
-    bundled = "bundled"
-    network = "network"
-    own = "own"
+# What a word for a policy is: a name above, a bundled network, a network's file, or a user's function.
+Kind = Enum("Kind", ["named", "bundled", "network", "own"])
 
 
 def kind_of(name: str, more: Sequence[str] = ()) -> Kind:

@@ -12,14 +12,14 @@ from argparse import Namespace
 from collections.abc import Iterable, Sequence
 from pathlib import Path
 
-from ship_trl.cli.entries import find_entries
 from ship_trl.cli.errors import refusals
 from ship_trl.cli.parser import add_number, add_output, add_policies, add_seed, make_parser
-from ship_trl.cli.scores import HEADINGS, Evaluated, describe_scores, describe_worlds
 from ship_trl.config.bounds import HEAD_ON_DEGREES, HalfAngle, Positive
 from ship_trl.config.errors import ConfigError, print_error
 from ship_trl.files.disk import atomic_write
 from ship_trl.policies.entry import rollout_entry
+from ship_trl.run.entries import find_entries
+from ship_trl.run.scores import HEADINGS, Evaluated, describe_scores, describe_worlds
 
 POLICIES = ("keep_course", "vo", "sb_mpc", "apf", "best_known")
 SUITES = ("imazu", "traffic_test", "paper_perturbed")

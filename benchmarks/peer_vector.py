@@ -26,7 +26,7 @@ NUM_ENVS = 64
 STEPS = 290 * 4096
 # All ships at once: layers that see one ship at a time are ours.
 REWARD_SCALE, GAMMA, LAYERS = 0.1, 0.97, [256, 256, 256]
-# Settings that Stable-Baselines3's users would choose. What ours has too is as in conf/profile/traffic.yaml.
+# Settings that Stable-Baselines3's users would choose; the rest is as in the recipe double_dqn_traffic.
 DQN_SETTINGS: dict[str, Any] = {
     "learning_rate": 5e-4,
     "buffer_size": 200_000,

@@ -6,13 +6,9 @@ import tempfile
 from importlib.util import find_spec
 from pathlib import Path
 
-from hydra import compose, initialize_config_dir
-from omegaconf import DictConfig
-
-from ship_trl.config.checks import to_config
 from ship_trl.config.errors import ConfigError
-from ship_trl.config.paths import conf_dir
 from ship_trl.config.types import Learn
+from ship_trl.grid.compose import compose_config
 from ship_trl.run.plan import Run, make_run
 
 CASE = "4"
@@ -45,10 +41,7 @@ def plan(*overrides: str) -> Run:
     """Plan a run by its overrides, in a temporary folder."""
     folder = Path(tempfile.gettempdir()) / "ship_trl_benchmarks"
     words = [f"output={folder}", "learn.jumpstart_draws=0", *overrides]
-    with initialize_config_dir(str(conf_dir()), version_base="1.3"):
-        values = compose("config", words)
-    assert isinstance(values, DictConfig)
-    return make_run(to_config(values))
+    return make_run(compose_config(*words))
 
 
 def require_peers() -> None:

@@ -34,9 +34,9 @@ def train(words: list[str]) -> None:
     from ship_trl.config.checks import to_config
     from ship_trl.config.errors import print_error
     from ship_trl.config.paths import conf_dir
+    from ship_trl.grid.callback import objective
     from ship_trl.grid.compose import use_loader
     from ship_trl.grid.launchers import die_with_launcher, mark_launcher, place_in_grid
-    from ship_trl.grid.sweep import objective
     from ship_trl.run.plan import make_run
     from ship_trl.run.process import end_at_sigterm
 
@@ -46,10 +46,11 @@ def train(words: list[str]) -> None:
         die_with_launcher()
         with job_errors():
             config, hydra_config = to_config(values), HydraConfig.get()
-            build = config.algorithm["build"]
-            for key in ignored_keys(build, hydra_config.overrides.task):
-                print_error(f"{key}: not used by algorithm.build={build}")
+            for key in ignored_keys(config.algorithm, hydra_config.overrides.task):
+                print_error(f"{key}: not used by algorithm.build={config.algorithm['build']}")
             run = make_run(config)
+            if hydra_config.mode is RunMode.RUN:
+                sys.stdout.write(f"recipe {hydra_config.runtime.choices['recipe']}\n")
             from ship_trl.run.experiment import run_experiment
 
             is_grid = hydra_config.mode is RunMode.MULTIRUN

@@ -94,16 +94,12 @@ class Task:
 @cache
 def shared_config(overrides: tuple[str, ...]) -> Config:
     """Compose the configuration that all runs of a setting share, once a process."""
-    from hydra import compose, initialize_config_dir
-
-    from ship_trl.config.checks import to_config
-    from ship_trl.config.paths import conf_dir
+    from ship_trl.grid.compose import compose_config
 
     # No run writes there, but its plan looks whether the folder is free.
     output = f"output={tempfile.gettempdir()}/ship_trl_studies"
     words = ["profile=quick", "target=1", "method=scratch", "learn.jumpstart_draws=0", output, *overrides]
-    with initialize_config_dir(str(conf_dir()), version_base="1.3"):
-        return to_config(compose("config", words))
+    return compose_config(*words)
 
 
 def weights_path(folder: Path, case: str, seed: int) -> Path:

@@ -8,6 +8,7 @@ from pathlib import Path
 
 import pytest
 
+from ship_trl.cli import study
 from tests import forked
 
 ROOT = Path(__file__).parents[1]
@@ -30,7 +31,7 @@ def ship_trl(
     `verb` is empty for a run or a grid. `first` is Python code to run before it. A `new_process` takes five
     seconds more than a forked child.
     """
-    words = [*([verb] if verb else []), *arguments]
+    words = [*verb.split(), *arguments]
     if not new_process:
         ended = forked.run(*words, folder=folder, before=lambda: exec(first, {}), timeout=900.0)
         done = subprocess.CompletedProcess(words, ended.code or 0, ended.out, ended.err)
@@ -61,6 +62,21 @@ def refused(capsys: pytest.CaptureFixture[str], main: Callable[[list[str]], None
     error = capsys.readouterr().err
     assert ended.value.code == 1 and error.count("\n") == 1 and error.startswith("ship_trl: ")
     return error
+
+
+def report(words: list[str]) -> None:
+    """Run `study report`."""
+    study.main(["report", *words])
+
+
+def ask(words: list[str]) -> None:
+    """Run `study ask`."""
+    study.main(["ask", *words])
+
+
+def keep(words: list[str]) -> None:
+    """Run `study keep`."""
+    study.main(["keep", *words])
 
 
 def files(folder: Path) -> dict[str, bytes]:

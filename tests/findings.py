@@ -1,6 +1,6 @@
 """`python -m tests.findings`: write the numbers of docs/findings.md and README.md from the kept tables.
 
-A page names a contrast in the words of `python -m ship_trl ask`, followed by its numbers, also across lines:
+A page names a contrast in the words of `ship_trl study ask`, followed by its numbers, also across lines:
 
     `high: FTW above scratch (area)` +0.06 (+0.02 to +0.11; greedy +0.17)
 
@@ -18,7 +18,7 @@ import pandas as pd
 import yaml
 from scipy.stats import norm
 
-from ship_trl.cli.ask import answers
+from ship_trl.cli.study import answers
 from ship_trl.study.report.gains import measure_forests
 from ship_trl.study.study import Study, read_study
 from studies.paper.claims import claims as paper_claims

@@ -7,14 +7,12 @@ from pathlib import Path
 
 import pytest
 import torch
-from hydra import compose, initialize_config_dir
 from torch import Generator, Tensor
 
-from ship_trl.config.checks import to_config
-from ship_trl.config.paths import conf_dir
 from ship_trl.config.types import World
 from ship_trl.fast.graphs import EAGER_CALLS, Captured
 from ship_trl.fast.worlds import make_rasteriser, make_starts, make_step
+from ship_trl.grid.compose import compose_config
 from ship_trl.learn.lockstep import Lockstep
 from ship_trl.learn.network import DuelingNetwork
 from ship_trl.learn.train import Training
@@ -68,8 +66,7 @@ def test_a_replay_returns_new_memory() -> None:
 def plan(*words: str) -> Parts:
     """Make the parts of a run from scratch on the GPU."""
     fixed = "device=cuda", "target=4", "method=scratch", "profile=smoke", "learn.jumpstart_draws=0"
-    with initialize_config_dir(str(conf_dir()), version_base="1.3"):
-        config = to_config(compose("config", [*fixed, *words]))
+    config = compose_config(*fixed, *words)
     return make_parts(make_run(config), torch.device("cuda"), None)
 
 
@@ -104,9 +101,8 @@ def test_graphs_learn_what_single_operations_learn(words: tuple[str, ...]) -> No
 
 
 def test_agents_in_lockstep_learn_what_the_cpu_learns(world: World) -> None:
-    with initialize_config_dir(str(conf_dir()), version_base="1.3"):
-        words = ["target=4", "method=scratch", "learn.precision=fp32", "learn.warmup_steps=40"]
-        learn = to_config(compose("config", [*words, "learn.epsilon_end=1", "learn.epsilon_start=1"])).learn
+    words = ["target=4", "method=scratch", "learn.precision=fp32", "learn.warmup_steps=40"]
+    learn = compose_config(*words, "learn.epsilon_end=1", "learn.epsilon_start=1").learn
     case = initial_state(load_case("4", world), world)
     found = []
     for device in ("cpu", "cuda"):

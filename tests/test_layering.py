@@ -21,8 +21,8 @@ WITHOUT_TORCH = (
     "transfer/casebase",
     "policies/pretrained", "policies/demonstrations", "policies/entry", "policies/registry", "run/checkpoint",
     "run/folder", "run/plan", "run/process", "run/console", "grid/launchers", "run/results",
-    "grid/check", "grid/compose",
-    "explain/study", "study",
+    "grid/callback", "grid/compose", "run/entries", "run/scores", "run/pretrain", "policies/onnx",
+    "explain/study", "study", "learn/settings",
 )  # fmt: skip
 FILES = sorted(PACKAGE.rglob("*.py"))
 OUTSIDE = [path for name in ("benchmarks", "studies") for path in (PACKAGE.parent / name).rglob("*.py")]

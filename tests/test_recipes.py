@@ -194,7 +194,7 @@ def test_a_claim(tmp_path: Path) -> None:
             write_run(folder / "pairs", learning(rng, 60, end, half=5), arm=arm, seed=seed)
     tables = []
     for place in (ROOT, follow("claim", copy(tmp_path))):
-        python(place, tmp_path, "-m", "ship_trl", "report", "study")
+        python(place, tmp_path, "-m", "ship_trl", "study", "report", "study")
         with (folder / "report/claims.csv").open() as lines:
             tables.append(list(csv.DictReader(lines)))
     (row,) = (row for row in tables[1] if row["claim"] == "E7")

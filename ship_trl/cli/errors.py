@@ -9,12 +9,11 @@ import sys
 import time
 from collections.abc import Iterator
 from contextlib import contextmanager
-from traceback import walk_tb
 from typing import NoReturn
 
-from ship_trl.cli.help import VERBS
+from ship_trl.cli.help import MOVED, VERBS
+from ship_trl.config.command import command
 from ship_trl.config.errors import ConfigError, explain, print_error
-from ship_trl.config.hydra import explain_hydra
 from ship_trl.files.disk import DISK
 
 
@@ -94,6 +93,8 @@ def check_words(words: list[str]) -> None:
     def refuse(message: str) -> NoReturn:
         raise ConfigError(f"{message}; keys are given without dashes, as target=4; see --help")
 
+    if words and (new := MOVED.get(words[0])):
+        raise ConfigError(f"{words[0]}: now {command(*new.split(), *words[1:])}")
     if words and re.fullmatch(r"[a-z]+", words[0]):
         raise ConfigError(f"{words[0]}: no such verb; allowed: {', '.join(VERBS)}, or overrides as target=4")
     # Python 3.14 checks each help; Hydra 1.3 has one that is no string, in its own parser too.
@@ -109,6 +110,8 @@ def explain_command(error: Exception) -> str | None:
     from hydra.errors import HydraException
     from omegaconf.errors import OmegaConfBaseException
 
+    from ship_trl.grid.compose import explain_hydra
+
     match error:
         case ConfigError():
             return f"this sweep had a job that was refused: {error}"
@@ -120,15 +123,7 @@ def explain_command(error: Exception) -> str | None:
             return f"config: not YAML: {' '.join(str(error).split())}"
         case OSError():
             return explain_file(error) if names_file(error) else None
-    # For some overrides Hydra raises Python's own errors, as a TypeError for hydra/job_logging=[[1]] or
-    # ~network.conv.0. Errors that OmegaConf raises belong to the module that called it.
-    names = [str(frame.f_globals.get("__name__", "")) for frame, _ in walk_tb(error.__traceback__)]
-    module = next((name for name in reversed(names) if not name.startswith("omegaconf")), "")
-    if not module.startswith(("hydra", "antlr4")):
-        return None
-    if isinstance(error, ValueError):
-        return explain_hydra(error)
-    return f"overrides: Hydra cannot read them ({error})"
+    return None
 
 
 def names_file(error: OSError) -> bool:

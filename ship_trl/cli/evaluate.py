@@ -17,16 +17,16 @@ from argparse import Namespace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from ship_trl.cli.entries import find_entries
 from ship_trl.cli.errors import refusals
 from ship_trl.cli.parser import add_number, add_output, add_policies, add_seed, make_parser
-from ship_trl.cli.scores import HEADINGS as SCORES
-from ship_trl.cli.scores import RULE_SCORES, Evaluated, describe_scores, describe_worlds
-from ship_trl.cli.scores import SHORT as SHORT_SCORES
 from ship_trl.config.bounds import HEAD_ON_DEGREES, HalfAngle, Positive
 from ship_trl.config.errors import ConfigError, print_error
 from ship_trl.policies.entry import EPISODES, SHOWN, Entry, rollout_entry
 from ship_trl.policies.pretrained import PRETRAINED
+from ship_trl.run.entries import find_entries
+from ship_trl.run.scores import HEADINGS as SCORES
+from ship_trl.run.scores import RULE_SCORES, Evaluated, describe_scores, describe_worlds
+from ship_trl.run.scores import SHORT as SHORT_SCORES
 
 if TYPE_CHECKING:
     from ship_trl.learn.rollout import Policy

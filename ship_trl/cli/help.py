@@ -12,16 +12,19 @@ VERBS = {
     "play": "steer a ship yourself",
     "evaluate": "evaluate policies: networks, random, the planner, your own",
     "cases": "list the cases and their similarity, and recommend a source for a target",
-    "metrics": "metrics of transfer from learning curves, of other libraries too",
-    "results": "list finished runs in a table, and draw their learning curves",
+    "results": "tables and curves of finished runs, and metrics of transfer from any library's logs",
     "explain": "explain what a network has learned to see, on one page",
     "export": "export a network as an ONNX file",
-    "study": "run every figure and control of the paper over seeds",
-    "report": "write the report of a study, from its runs or its tables",
-    "ask": "estimate any contrast of a study's arms",
-    "keep": "keep a study as tables small enough to commit, or restore it",
-    "layers": "measure the similarity of layers in a study's networks",
+    "study": "run a study, report it, ask it any contrast, keep its tables, compare its layers",
     "pretrain": "train the bundled networks again",
+}
+# Verbs of older versions, and what takes their place.
+MOVED = {
+    "report": "study report",
+    "ask": "study ask",
+    "keep": "study keep",
+    "layers": "study layers",
+    "metrics": "results",
 }
 
 HELP = """\
@@ -39,7 +42,7 @@ What to run
   method=METHOD         scratch, feature_extraction, finetune (default), unfreeze, l2sp, guide, qdagger,
                         q_reuse (settings: transfer.guide.belief=0.6 and others)
   layers=N              1 to 4 layers (as many as the network has), all, head or body
-  +arm=NAME             method and layers at once: {arms}
+  arm=NAME              method and layers at once: scratch, FE3, FT3, FTW, FEH, SP3, G, FE3-random ...
   source_file=FILE      take the source network from a safetensors file
   source=pretrained     the bundled network of the pair's source, or of the most similar case
   source_weights=NAME   learned; controls: random (untrained), permuted (learned, then shuffled)
@@ -48,7 +51,7 @@ What to run
 
 How
   profile=NAME          {profiles} (default quick)
-  learn.KEY=VALUE       any value of conf/algorithm, exploration, replay and schedule, as learn.episodes=1000
+  learn.KEY=VALUE       any value of the recipe, conf/recipe/<algorithm>_<profile>, as learn.episodes=1000
   algorithm=NAME        {algorithms} (default double_dqn), with keys of their own, as algorithm.steps=3
   observation=NAME      pixels (default) or vector: the scene as numbers, with network=vector
   network=NAME          {networks} (default paper)
@@ -71,7 +74,7 @@ Verbs: python -m ship_trl VERB --help, or ship-trl VERB --help
 
 def print_help() -> None:
     """Print the help."""
-    groups = ("pair", "case", "suite", "arm", "profile", "algorithm", "network", "sweep")
+    groups = ("pair", "case", "suite", "profile", "algorithm", "network", "sweep")
     verbs = "\n".join(f"  {verb:<22}{what}" for verb, what in VERBS.items())
     names = {f"{group}s": group_names(group) for group in groups}
     print(HELP.format(**names, verbs=verbs), end="")

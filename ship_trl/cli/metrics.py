@@ -1,7 +1,7 @@
-"""`python -m ship_trl metrics scratch=FILE... FT3=FILE...`: metrics of transfer from curves of any library.
+"""`python -m ship_trl results scratch=FILE... FT3=FILE...`: metrics of transfer from curves of any library.
 
-    python -m ship_trl metrics scratch='logs/scratch/*/monitor.csv' FT3='logs/ft3/*/monitor.csv'
-    python -m ship_trl metrics scratch='outputs/high/scratch/*/curve.csv' FT3='outputs/high/FT3/*/curve.csv'
+    python -m ship_trl results scratch='logs/scratch/*/monitor.csv' FT3='logs/ft3/*/monitor.csv'
+    python -m ship_trl results scratch='outputs/high/scratch/*/curve.csv' FT3='outputs/high/FT3/*/curve.csv'
 
 FILE is Stable-Baselines3's monitor.csv or progress.csv, TensorBoard's event file or exported scalars, a
 curve.csv of ours, or a table with columns step, return and, for several runs, seed. Steps are environment
@@ -39,7 +39,7 @@ MAX_BEGINNING = 0.1
 
 def main(arguments: list[str] | None = None) -> None:
     """Print a row for each arm, and one for its difference from the baseline."""
-    parser = make_parser("metrics", __doc__)
+    parser = make_parser("results", __doc__)
     parser.add_argument(
         "arms", nargs="+", metavar="NAME=FILE", help="logs of an arm; the first is the baseline"
     )
@@ -64,7 +64,7 @@ def read_arms(words: list[str]) -> dict[str, list[LearningCurve]]:
     for word in words:
         name, equals, pattern = word.partition("=")
         if not name or not equals:
-            raise ConfigError(f"metrics: allowed: NAME=FILE, got {word}; FILE: {KINDS}")
+            raise ConfigError(f"results: allowed: NAME=FILE, got {word}; FILE: {KINDS}")
         # Path.glob takes no absolute pattern.
         is_pattern = glob.has_magic(pattern) and not Path(pattern).is_file()
         paths = sorted(glob.glob(pattern, recursive=True)) if is_pattern else [pattern]  # noqa: PTH207

@@ -14,12 +14,12 @@ from typing import TYPE_CHECKING, Annotated
 
 from pydantic import Field
 
-from ship_trl.cli.entries import drop_last_networks, find_entries
 from ship_trl.cli.errors import refusals
 from ship_trl.cli.parser import add_number, add_output, add_policies, add_seed, add_size, make_parser
 from ship_trl.cli.watch import DEFAULT_WORDS
 from ship_trl.config.errors import ConfigError, missing_extra
 from ship_trl.policies.entry import Entry, split_suites
+from ship_trl.run.entries import drop_last_networks, find_entries
 
 if TYPE_CHECKING:
     from collections.abc import Iterator

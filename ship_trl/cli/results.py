@@ -1,6 +1,8 @@
-"""`python -m ship_trl results`: list the finished runs below folders in a table. No torch.
+"""`python -m ship_trl results [FOLDER...]`: list the finished runs below folders in a table. No torch.
 
-A row holds runs that differ only in their seeds; settings that tell rows apart are part of the name.
+A row holds runs that differ only in their seeds; settings that tell rows apart are part of the name. With
+NAME=FILE in place of folders, as `results scratch='logs/a/*/monitor.csv' FT3='logs/b/*/monitor.csv'`, metrics
+of transfer are shown from logs of any library; their help: results NAME=FILE --help.
 """
 
 from __future__ import annotations
@@ -12,6 +14,7 @@ from pathlib import Path
 
 import numpy as np
 
+from ship_trl.cli import metrics
 from ship_trl.cli.errors import refusals
 from ship_trl.cli.parser import add_output, make_parser
 from ship_trl.config.command import command
@@ -34,6 +37,10 @@ TEST_HEADINGS = ("run", "mean greedy return of a run, one folder", "the other", 
 
 def main(arguments: list[str] | None = None) -> None:
     """Print a row for each arm of a pair, folder and settings, and what else the options ask for."""
+    given = sys.argv[2:] if arguments is None else arguments
+    if any("=" in word and word[0] != "-" and not Path(word).exists() for word in given):
+        metrics.main(given)
+        return
     parser = make_parser("results", __doc__)
     parser.add_argument("folders", type=Path, nargs="*", metavar="FOLDER", help="default: outputs")
     parser.add_argument("--arm", help="only this arm, as scratch or FT3")
@@ -85,7 +92,9 @@ def finished_runs(folders: list[Path], arm: str | None) -> list[RunRecord]:
     from ship_trl.study.tables import has_tables
 
     for folder in filter(has_tables, folders):
-        raise ConfigError(f"folder: {folder} holds a study's tables; {command('report', folder)} reads them")
+        raise ConfigError(
+            f"folder: {folder} holds a study's tables; {command('study', 'report', folder)} reads them"
+        )
     places = ", ".join(map(str, folders))
     raise ConfigError(f"folder: no finished run below {places}; python -m ship_trl makes one")
 

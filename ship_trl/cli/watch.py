@@ -8,11 +8,11 @@ the next. Without a policy, the pretrained network of case 4 is shown. Press H i
 
 from __future__ import annotations
 
-from ship_trl.cli.entries import find_entries
 from ship_trl.cli.errors import refusals
 from ship_trl.cli.parser import add_policies, add_seed, add_size, make_parser
 from ship_trl.config.command import command
 from ship_trl.policies.entry import failures_first, split_suites
+from ship_trl.run.entries import find_entries
 
 DEFAULT_WORDS = ["pretrained", "target=4"]
 

@@ -168,6 +168,12 @@ class Arm:
         """Its method and layers, as results and hashes hold them and a command line sets them."""
         return {"method": self.method.value, "layers": self.layers}
 
+    @property
+    def settings(self) -> dict[str, Any]:
+        """The values of a configuration that `arm=NAME` stands for."""
+        learned = self.weights is SourceWeights.learned
+        return self.keys if learned else self.keys | {"source_weights": self.weights.value}
+
     def label(self, demonstrations: bool) -> str:
         """Return the name of a run of this arm, with a suffix if it begins with demonstrations."""
         return f"{self.name}-{DEMONSTRATIONS}" if demonstrations else self.name
@@ -187,3 +193,8 @@ class Arm:
 
 
 SCRATCH = Arm(TransferMethodName.scratch)
+# What names an arm, for messages and the help.
+ARM_NAMES = (
+    f"scratch, or {', '.join(METHODS)} with a number of layers or {', '.join(LETTERS.values())}, as FT3; "
+    "G, QD and QR alone; with -random, -permuted or -pretrained behind it"
+)

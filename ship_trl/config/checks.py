@@ -9,7 +9,7 @@ import importlib.util
 
 from omegaconf import DictConfig
 
-from ship_trl.config.algorithm import DISTILS, ON_POLICY, read_algorithm
+from ship_trl.config.algorithm import read_algorithm, reads_of
 from ship_trl.config.arm import BODY, FORMS, HEAD, SourceWeights, TransferMethodName
 from ship_trl.config.bounds import MAX_DISTANCE, PICTURE
 from ship_trl.config.errors import ConfigError, missing_extra
@@ -38,15 +38,16 @@ def to_config(values: DictConfig) -> Config:
     check_learner(config)
     check_margin(config)
     config.algorithm = read_algorithm(config.algorithm, config.learn)
-    if config.algorithm["build"] in ON_POLICY:
-        allowed = "left out with algorithm=ppo, which learns from its own actions alone"
+    reads = reads_of(config.algorithm)
+    if reads.is_on_policy:
+        allowed = "left out with an algorithm that learns from its own actions alone"
         require(config.demonstrations is None, "demonstrations", allowed, config.demonstrations)
         without = not FORMS[config.method].uses_function
-        why = "which learns from its own actions and has no Q-values"
-        require(without, "method", f"another with algorithm=ppo, {why}", config.method.value)
-    if config.algorithm["build"] in DISTILS and config.method is TransferMethodName.q_reuse:
-        why = "which learns the Q-values of its teacher"
-        require(False, "method", f"another with algorithm=pupil, {why}", config.method.value)
+        allowed = "another with an algorithm that has no Q-values"
+        require(without, "method", allowed, config.method.value)
+    if reads.is_distilled and config.method is TransferMethodName.q_reuse:
+        allowed = "another with an algorithm that learns the Q-values of a teacher"
+        require(False, "method", allowed, config.method.value)
     # The network limits the layers of the arm, and the arm says how many of them are frozen.
     layers = geometry(config.network)
     check_observation(config)
@@ -145,8 +146,8 @@ def check_memory(config: Config, layers: Geometry) -> None:
         maps = channels * PICTURE**2 + sum(layer.filters * layer.side**2 for layer in layers)
     require_at_most(MAX_WEIGHTS, key, weights, "weights; they take 2 GB in training")
     batches = {"learn.num_envs": learn.num_envs, "learn.batch_size": learn.batch_size}
-    if config.algorithm["build"] in ON_POLICY:
-        batches["algorithm.minibatch_size"] = config.algorithm["minibatch_size"]
+    if key_of_batch := reads_of(config.algorithm).batch_key:
+        batches[f"algorithm.{key_of_batch}"] = config.algorithm[key_of_batch]
     for name, value in batches.items():
         require_at_most(MAX_MAP_NUMBERS // maps, name, value, f"4 GB of the maps of {key}")
     size, frozen = TRANSITION_BYTES, config.arm.frozen_layers
@@ -197,7 +198,7 @@ def check_arm(config: Config) -> None:
     if layers is None and not form.bare:
         raise ConfigError(
             f"layers: none given; give layers={numbers} with method={method.value}, "
-            "or +arm=NAME, which sets both (see --help for the names)"
+            "or arm=NAME, which sets both (see --help for the names)"
         )
     known = layers in form.words or (type(layers) is int and layers in counts) or layers is None
     numbers += ", or left out" * form.bare

@@ -160,7 +160,7 @@ class Network:
 
 @dataclass
 class Updates:
-    """How a network is updated (section 3.2), and how its conv layers are computed; conf/algorithm."""
+    """How a network is updated (section 3.2), and how its conv layers are computed."""
 
     gamma: Share
     lr: LearningRate
@@ -177,7 +177,7 @@ class Updates:
 
 @dataclass
 class Replay:
-    """The transitions that batches are drawn from; conf/replay."""
+    """The transitions that batches are drawn from."""
 
     replay_size: Positive
     warmup_steps: Annotated[int, Field(ge=0, le=MAX_COUNT)]
@@ -185,7 +185,7 @@ class Replay:
 
 @dataclass
 class Exploration:
-    """Epsilon, annealed over a share of the episodes (section 4.2); conf/exploration."""
+    """Epsilon, annealed over a share of the episodes (section 4.2)."""
 
     epsilon_start: Share
     epsilon_end: Share
@@ -194,7 +194,7 @@ class Exploration:
 
 @dataclass
 class Schedule:
-    """How long a run trains, in how many environments, and when it is evaluated; conf/schedule."""
+    """How long a run trains, in how many environments, and when it is evaluated."""
 
     episodes: Count
     num_envs: Positive
@@ -205,7 +205,7 @@ class Schedule:
 
 @dataclass
 class Learn(Updates, Exploration, Replay, Schedule):
-    """Training: the keys of four config groups in one namespace, so that `learn.KEY` names each."""
+    """Training: what a file of conf/recipe sets, and how layers are computed."""
 
 
 @dataclass

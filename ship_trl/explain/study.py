@@ -1,4 +1,4 @@
-"""CKA by layer between the networks of a study (`python -m ship_trl layers FOLDER TABLE`).
+"""CKA by layer between the networks of a study (`python -m ship_trl study layers FOLDER TABLE`).
 
 The kept tables of a study hold no networks, so this is measured while the runs exist. All seeds and arms are
 compared on the same states of the target case. The report draws a layers.csv beside the study's tables.

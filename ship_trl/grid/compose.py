@@ -1,21 +1,32 @@
-"""Compose configurations by Hydra: words stay as they are typed, and a suite brings its profile. No torch."""
+"""Compose configurations by Hydra, and explain its errors in one line. No torch.
+
+Words stay as they are typed, `arm=FT3` stands for several, and a suite brings its profile.
+"""
 
 from __future__ import annotations
 
+import copy
 import re
 import typing
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from contextlib import contextmanager
 from dataclasses import is_dataclass
 from functools import cache
 from typing import Any
 
+from hydra import compose, initialize_config_dir
 from hydra._internal import hydra as hydra_parts
 from hydra._internal.config_loader_impl import ConfigLoaderImpl
+from hydra.core.global_hydra import GlobalHydra
+from hydra.errors import HydraException
 from omegaconf import DictConfig, _utils
 from omegaconf.errors import OmegaConfBaseException
 
-from ship_trl.config.errors import ConfigError
+from ship_trl.config.arm import ARM_NAMES, Arm
+from ship_trl.config.checks import to_config
+from ship_trl.config.errors import ConfigError, missing_extra
+from ship_trl.config.paths import conf_dir, group_names
+from ship_trl.config.schema import keys_at
 from ship_trl.config.types import Config
 from ship_trl.files.untrusted import LOADER
 from ship_trl.sim.suites import profile_of
@@ -24,8 +35,18 @@ from ship_trl.sim.suites import profile_of
 DEFAULT_PROFILE = "quick"
 # Keys of text that `Config` does not know.
 TEXT_KEYS = ("algorithm.teacher", "hydra.sweep.dir")
+# One name of an arm, not a list of them.
+NAME_OF_ARM = re.compile(r"[\w-]+")
 # Functions of Hydra's grammar whose arguments are numbers.
 NUMERIC = re.compile(r"\b(range|interval|int|float|bool|json_str|sort)\s*\(")
+
+# The extra that installs each plugin of Hydra.
+EXTRAS = {"optuna": "optuna", "submitit_slurm": "slurm", "submitit_local": "slurm"}
+# How a message of Hydra's parser of overrides begins.
+GRAMMAR = (
+    "mismatched input|token recognition error|no viable alternative|extraneous input|missing "
+    "|LexerNoViableAltException"
+)
 
 
 class Loader(ConfigLoaderImpl):
@@ -37,19 +58,65 @@ class Loader(ConfigLoaderImpl):
     def load_configuration(
         self, config_name: str | None, overrides: list[str], *flags: Any, **options: Any
     ) -> DictConfig:
-        """Compose a configuration; see `quote_text` and `missing_profile` for what is added to Hydra's."""
-        words = [quote_text(word) for word in overrides]
+        """Compose a configuration; `quote_text`, `expand_arms` and `missing_profile` add to Hydra's words.
+
+        Hydra composes a single run twice, first to learn that it is one: the second time is a copy.
+        """
+        words = expand_arms(quote_text(word) for word in overrides)
+        composed: dict[tuple[str, ...], DictConfig] = vars(self).setdefault("composed", {})
+        if (known := composed.get(tuple(words))) is not None:
+            return copy.deepcopy(known)
         with decimal_numbers():
             values = super().load_configuration(config_name, words, *flags, **options)
             if profile := missing_profile(values, words):
-                words.append(f"profile={profile}")
-                values = super().load_configuration(config_name, words, *flags, **options)
+                given = [*words, f"profile={profile}"]
+                values = super().load_configuration(config_name, given, *flags, **options)
+        if not any("," in word or "(" in word for word in words):
+            composed[tuple(words)] = copy.deepcopy(values)
         return values
 
 
 def use_loader() -> None:
     """Let Hydra compose by `Loader` in this process."""
     vars(hydra_parts)["ConfigLoaderImpl"] = Loader
+
+
+def compose_config(*words: str) -> Config:
+    """Compose and check the configuration of a run as the command does, without a run.
+
+    Raises:
+        ConfigError: a word or a value is wrong.
+    """
+    GlobalHydra.instance().clear()
+    use_loader()
+    try:
+        with initialize_config_dir(str(conf_dir()), version_base="1.3"):
+            return to_config(compose("config", list(words)))
+    except HydraException as error:
+        raise ConfigError(explain_hydra(error)) from None
+
+
+def expand_arms(words: Iterable[str]) -> list[str]:
+    """Replace a word such as `arm=FT3` by those that it stands for, unless their keys are given too.
+
+    Several arms stay one word, until each run of the grid has its own.
+    """
+    given, found = {}, []
+    for word in words:
+        key, _, value = word.partition("=")
+        name = value.strip("'\"")
+        if key.lstrip("+") != "arm":
+            found.append(word)
+        elif NAME_OF_ARM.fullmatch(name):
+            try:
+                given = Arm.parse(name).settings
+            except ValueError:
+                raise HydraException(f"Could not find 'arm/{name}'") from None
+        else:
+            found.append(f"+arm={value}")
+    keys = {word.partition("=")[0].lstrip("+") for word in found}
+    settings = [(key, "null" if value is None else value) for key, value in given.items() if key not in keys]
+    return [*(f"{key}={value}" for key, value in settings), *found]
 
 
 @contextmanager
@@ -109,3 +176,38 @@ def is_text(key: str) -> bool:
         return not groups
     # A dataclass, or the dict `algorithm`, is a config group.
     return hints[last] is str or str in typing.get_args(hints[last]) or is_dataclass(hints[last])
+
+
+def explain_hydra(error: Exception) -> str:
+    """Explain an error of Hydra in one line: the key, then what is allowed."""
+    text = str(error)
+    if found := re.match(r"(?:In '.*?': )?Could not find '([\w-]+)/(.*?)'", text):
+        group, name = found.groups()
+        if group == "hydra":
+            kind, _, name = name.partition("/")
+            group = f"hydra/{kind}"
+        if name in EXTRAS:
+            return f"{group}: {missing_extra(name, EXTRAS[name])}"
+        allowed = ARM_NAMES if group == "arm" else group_names(group)
+        return f"{group}: no {name}" + (f"; allowed: {allowed}" if allowed else "")
+    if found := re.match(
+        r"Could not (?:override|append to config|delete from config)[^']*'?([\w.@/-]+)", text
+    ):
+        key = found.group(1).rstrip(".")
+        if key in ("suite", "case"):
+            return f"{key}: unknown key; write target=NAME; allowed: {group_names(key)}"
+        if (conf_dir() / key).is_dir():
+            return f"{key}: write +{key}=NAME; allowed: {group_names(key)}"
+        return f"{key}: {allowed_keys(key)}"
+    text = " ".join(text.partition("\nSee https://hydra.cc")[0].split())
+    if re.match(GRAMMAR, text):
+        # A value with characters of Hydra's grammar, as seed=0 in a path.
+        return f"overrides: {text}; quote such a value twice: \"KEY='VALUE'\""
+    return f"overrides: {text}"
+
+
+def allowed_keys(key: str) -> str:
+    """List the keys that are allowed where an unknown `key` was given."""
+    if key.startswith("algorithm."):
+        return "unknown key of this algorithm; allowed: those of its files in conf/algorithm and conf/recipe"
+    return f"unknown key; allowed here: {', '.join(keys_at(Config, tuple(key.split('.')[:-1])))}"

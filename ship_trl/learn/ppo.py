@@ -22,8 +22,8 @@ from torchrl.modules import ProbabilisticActor
 from torchrl.objectives import ClipPPOLoss
 from torchrl.objectives.value import GAE
 
-from ship_trl.config import algorithm as config
 from ship_trl.config.types import Learn
+from ship_trl.learn import settings as settings_of
 from ship_trl.learn.algorithm import DivergedError, LearningHooks, Setup
 from ship_trl.learn.backend import Draw, make_backend
 from ship_trl.learn.dense import Dense
@@ -45,7 +45,7 @@ def state_value(output: Tensor) -> Tensor:
     return output.mean(-1, keepdim=True)
 
 
-def make_loss(settings: config.PPO) -> ClipPPOLoss:
+def make_loss(settings: settings_of.PPO) -> ClipPPOLoss:
     """Make the loss of batches that hold the network's outputs; it has no parameters of its own."""
     outputs: list[NestedKey] = [OUTPUT]
     actor = ProbabilisticActor(
@@ -87,7 +87,7 @@ class PPO:
         network: DuelingNetwork,
         draw: Draw,
         learn: Learn,
-        settings: config.PPO,
+        settings: settings_of.PPO,
         exploration: Generator,
         shuffle: Generator,
         method: LearningHooks,
@@ -257,5 +257,5 @@ def build(setup: Setup) -> PPO:
     network.freeze(setup.method.frozen_layers(0.0))
     network.backend = make_backend(network, setup.draw, learn, setup.accelerator)
     options = {key: value for key, value in setup.options.items() if key != "build"}
-    settings = config.PPO(**options)
+    settings = settings_of.PPO(**options)
     return PPO(network, setup.draw, learn, settings, setup.exploration, setup.replay, setup.method)

@@ -16,7 +16,7 @@ from tensordict import TensorDict, TensorDictBase
 from torch import Generator, Tensor
 from torchrl.modules import QValueActor
 
-from ship_trl.config import algorithm as config
+from ship_trl.learn import settings as settings_of
 from ship_trl.learn.algorithm import Setup, Teacher
 from ship_trl.learn.backend import Draw, make_backend
 from ship_trl.learn.double_dqn import DoubleDQN
@@ -48,7 +48,7 @@ class PupilLoss(DoubleDQNLoss):
         teacher: Teacher,
         draw: Draw,
         mirror: Callable[[Tensor], Tensor] | None,
-        settings: config.Pupil,
+        settings: settings_of.Pupil,
         **others: Any,
     ) -> None:
         super().__init__(value_network, **others)
@@ -111,7 +111,7 @@ def build(setup: Setup) -> Pupil:
     """Make a pupil of `setup.teacher` with the settings of `config.algorithm`."""
     network, draw, learn, teacher = setup.network, setup.draw, setup.learn, setup.teacher
     assert teacher is not None, "the configuration names a teacher"
-    settings = config.Pupil(**{key: value for key, value in setup.options.items() if key != "build"})
+    settings = settings_of.Pupil(**{key: value for key, value in setup.options.items() if key != "build"})
     network.freeze(setup.method.frozen_layers(0.0))
     network.backend = make_backend(network, draw, learn, setup.accelerator)
     actor = QValueActor(network, in_keys=[network.observes], action_space="categorical")

@@ -14,7 +14,7 @@ from typing import Any
 from filelock import FileLock
 from omegaconf import OmegaConf
 
-from ship_trl.config.algorithm import ON_POLICY, TEACHERS, non_default_algorithm
+from ship_trl.config.algorithm import non_default_algorithm, reads_of
 from ship_trl.config.arm import SCRATCH, Arm, SourceWeights
 from ship_trl.config.bounds import RewardScale
 from ship_trl.config.checks import require
@@ -27,6 +27,7 @@ from ship_trl.config.transfer import Transfer
 from ship_trl.config.types import Config, plain
 from ship_trl.config.world import world_values
 from ship_trl.files.untrusted import read_yaml
+from ship_trl.learn.settings import TEACHERS
 from ship_trl.policies.demonstrations import Demonstration, read_demonstrations
 from ship_trl.policies.pretrained import PRETRAINED, REWARD_SCALE, Pretrained, find, is_pretrained, networks
 from ship_trl.run.folder import TakenError, check_folder, flatten, read_settings
@@ -152,7 +153,7 @@ def make_run(config: Config) -> Run:
         if not target.is_fixed:
             raise ConfigError("demonstrations: allowed with one case as target, and with no perturbation")
         demonstrations = tuple(read_demonstrations(Path(config.demonstrations), target.case, world))
-    if target.is_drawn and config.algorithm["build"] in ON_POLICY:
+    if target.is_drawn and reads_of(config.algorithm).is_on_policy:
         imitation, allowed = config.algorithm["imitation_coeff"], "0 with starts that do not come again"
         require(not imitation, "algorithm.imitation_coeff", f"{allowed}, as in {target.name}", imitation)
     digest = hash_of(config, target, source, pretrained, demonstrations)

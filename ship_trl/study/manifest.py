@@ -9,21 +9,14 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Annotated, Any
 
-from hydra import compose, initialize_config_dir
-from hydra.core.global_hydra import GlobalHydra
-from hydra.errors import HydraException
-
-from ship_trl.config.algorithm import DEFAULT, ON_POLICY, non_default_algorithm
-from ship_trl.config.checks import to_config
+from ship_trl.config.algorithm import non_default_algorithm, reads_of
 from ship_trl.config.errors import ConfigError
-from ship_trl.config.hydra import explain_hydra
 from ship_trl.config.network import non_default_network
-from ship_trl.config.paths import conf_dir
 from ship_trl.config.schema import read_as, rule
 from ship_trl.config.types import Config, plain
 from ship_trl.config.world import world_values
 from ship_trl.files.disk import atomic_write, read_json
-from ship_trl.grid.compose import quote_text
+from ship_trl.grid.compose import compose_config
 from ship_trl.sim.suites import load_suite
 from ship_trl.study.claims import stamp
 from ship_trl.study.plan import PAIRS, Job, StudyConfig
@@ -68,14 +61,12 @@ def run_config(config: StudyConfig) -> Config:
     Raises:
         ConfigError: an override is wrong.
     """
-    GlobalHydra.instance().clear()
     try:
-        with initialize_config_dir(str(conf_dir()), version_base="1.3"):
-            line = ["target=1", "method=scratch", f"profile={config.profile}"]
-            line += map(quote_text, config.run_overrides)
-            return to_config(compose("config", overrides=line))
-    except HydraException as error:
-        raise ConfigError(f"overrides: {explain_hydra(error).removeprefix('overrides: ')}") from None
+        return compose_config(
+            "target=1", "method=scratch", f"profile={config.profile}", *config.run_overrides
+        )
+    except ConfigError as error:
+        raise ConfigError(f"overrides: {str(error).removeprefix('overrides: ')}") from None
 
 
 def write_plan(jobs: list[Job], config: StudyConfig, rules: Sequence[Path] = ()) -> None:
@@ -177,7 +168,8 @@ def read_manifest(folder: Path) -> Manifest:
     if not seeds:
         raise ConfigError(f"folder: {path} is not a study's plan: it has no seeds")
     try:
-        has_replay = plan.settings.get("algorithm", DEFAULT)["build"] not in ON_POLICY
+        algorithm = plan.settings.get("algorithm")
+        has_replay = algorithm is None or not reads_of(algorithm).is_on_policy
         steps = plan.settings["learn"]["warmup_steps"] if has_replay else 0
         warmup = max(0, int(steps // plan.settings["world"]["max_steps"]))
     except (KeyError, TypeError, ValueError, ArithmeticError):

@@ -17,7 +17,7 @@ from omegaconf.errors import OmegaConfBaseException
 from pydantic import Field
 
 from ship_trl.config import arm as arms
-from ship_trl.config.arm import ALL_LAYERS, Arm, SourceWeights, TransferMethodName
+from ship_trl.config.arm import ALL_LAYERS, ARM_NAMES, Arm, SourceWeights, TransferMethodName
 from ship_trl.config.bounds import Positive, Seed
 from ship_trl.config.checks import check_logger
 from ship_trl.config.errors import ConfigError, missing_extra
@@ -192,7 +192,11 @@ def check(config: StudyConfig) -> None:
     """Check names, the launcher, and keys that depend on one another."""
     check_names("profile", [config.profile], options("profile"))
     check_names("pairs", config.pairs, options("pair"))
-    check_names("arms", config.arms, options("arm"))
+    for name in config.arms:
+        try:
+            Arm.parse(name)
+        except ValueError:
+            raise ConfigError(f"arms: no {name}; allowed: {ARM_NAMES}") from None
     check_names("launcher", [config.launcher], list(LAUNCHERS))
     check_logger(config.logger)
     if find_spec(f"hydra_plugins.{LAUNCHERS[config.launcher]}") is None:
@@ -314,7 +318,7 @@ def seed_jobs(config: StudyConfig, seed: int) -> Iterator[Job]:
 def make_job(part: str, label: str, arm: str, seed: int, cases: Mapping[str, Any], **extra: Any) -> Job:
     """Make a job of stage 0 with source and target, and with further values of its configuration."""
     name = "-".join((part.replace("/", "-"), label, arm, str(seed)))
-    values = {**cases, **read_option("arm", arm), **extra, "seed": seed}
+    values = {**cases, **Arm.parse(arm).settings, **extra, "seed": seed}
     return Job(name, 0, part, label, arm, seed, values)
 
 

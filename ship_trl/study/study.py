@@ -138,7 +138,7 @@ def finished_study(folder: Path, seeds: int | None = None, claims: Claims = NO_C
     for path, reason in study.broken:
         print_error(f"{path}: {reason}; left out")
     if not study.records:
-        raise ConfigError(f"folder: no finished run below {folder}; python -m ship_trl study makes some")
+        raise ConfigError(f"folder: no finished run below {folder}; python -m ship_trl study run makes some")
     return study
 
 

@@ -118,7 +118,7 @@ def write_tables(folder: Path, copy: Path) -> tuple[int, int]:
     if not runs and has_tables(folder):
         raise ConfigError(f"folder: {folder} holds a study's tables; allowed: a study's folder of runs")
     if not runs:
-        raise ConfigError(f"folder: no finished run below {folder}; python -m ship_trl study makes some")
+        raise ConfigError(f"folder: no finished run below {folder}; python -m ship_trl study run makes some")
     plan = {key: plan[key] for key in ("settings", "cases", "judged", "rules", "jobs") if key in plan}
     names = [one.name for one in fields(Job) if one.name != "values"]
     plan["jobs"] = [{name: job[name] for name in names} for job in plan["jobs"]]

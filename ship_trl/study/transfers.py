@@ -11,8 +11,9 @@ from collections.abc import Iterable
 from dataclasses import dataclass, fields, replace
 from pathlib import Path
 
+from ship_trl.config.arm import Arm
 from ship_trl.config.command import command, override
-from ship_trl.config.paths import conf_dir
+from ship_trl.config.paths import conf_dir, group_names, is_name
 from ship_trl.files.table import read_table
 from ship_trl.sim.cases import Case
 from ship_trl.transfer.casebase import POLICY
@@ -77,10 +78,9 @@ def parse_transfer(row: dict[str, str]) -> Transfer:
     # They become part of a command that people paste into a shell.
     if not all(re.fullmatch(r"\w[\w.-]{0,99}", row[name]) for name in names[:4]):
         raise ValueError("a case name or fingerprint has characters other than letters, digits, _ . -")
-    for group in ("profile", "arm"):
-        allowed = sorted(path.stem for path in (conf_dir() / group).glob("*.yaml"))
-        if row[group] not in allowed:
-            raise ValueError(f"no {group} {row[group]!r:.50}; allowed: {', '.join(allowed)}")
+    Arm.parse(row["arm"])
+    if not is_name(row["profile"]) or not (conf_dir() / "profile" / f"{row['profile']}.yaml").is_file():
+        raise ValueError(f"no profile {row['profile']!r:.50}; allowed: {group_names('profile')}")
     start = None if row["epsilon_start"] == "" else float(row["epsilon_start"])
     if start is not None and not 0.0 <= start <= 1.0:
         raise ValueError(f"epsilon_start is {start:g}; allowed: 0 to 1")

@@ -5,10 +5,11 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from ship_trl.cli.ask import answers, main
+from ship_trl.cli.study import answers
 from ship_trl.study.manifest import Manifest
 from ship_trl.study.statistics import estimate_mean
 from ship_trl.study.study import Study
+from tests.command import ask as main
 from tests.command import ship_trl
 from tests.study.synthetic import study_of, write_study
 
@@ -41,18 +42,12 @@ def test_pairs_with_too_few_seeds_are_counted(capsys: pytest.CaptureFixture[str]
     assert capsys.readouterr().err == f"ship_trl: {told}\n"
 
 
-def test_a_name_is_written_as_it_is(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    write_study(tmp_path, seeds=2, pairs=("[red]low",))
-    main([str(tmp_path), "[red]low: FE1 above scratch"])
-    assert "\n[red]low: FE1 above scratch (area) " in capsys.readouterr().out
-
-
 def test_it_is_a_table_of_a_line_a_contrast(tmp_path: Path) -> None:
     write_study(tmp_path, seeds=2, pairs=("high", "low", "lowest"))
     told = ship_trl(
         *(str(tmp_path), "every pair: FTW above scratch", "low: FE1 sooner than FE2 (time)"),
         folder=tmp_path,
-        verb="ask",
+        verb="study ask",
     ).stdout
     rows = [line.split("  ")[0] for line in told.splitlines() if ": F" in line]
     pairs = [f"{pair}: FTW above scratch (area)" for pair in ("high", "low", "lowest")]

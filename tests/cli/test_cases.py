@@ -11,15 +11,8 @@ from ship_trl.cli.cases import main
 from ship_trl.sim.cases import load_world
 from ship_trl.sim.suites import load_suite
 from ship_trl.transfer.casebase import CaseBase
-from tests.command import ROOT, refused, ship_trl
+from tests.command import ROOT, ship_trl
 from tests.pasted import composed_values, printed_commands
-
-
-def test_cases_command_prints_table_2_and_a_picture(tmp_path: Path) -> None:
-    done = ship_trl(folder=tmp_path, verb="cases")
-    for pair, value in (("high", "0.83"), ("low", "0.45"), ("lowest", "0.42")):
-        assert any(pair in row and value in row for row in done.stdout.splitlines())
-    assert (tmp_path / "outputs/cases.png").stat().st_size > 20_000
 
 
 def test_cases_command_recommends_a_source(tmp_path: Path) -> None:
@@ -50,11 +43,6 @@ def test_cases_command_recommends_a_source(tmp_path: Path) -> None:
     assert done.stderr.count("\n") == 1
 
 
-def test_the_picture_of_a_target_goes_where_it_is_asked_to(tmp_path: Path) -> None:
-    main(["target=new", "--picture", "a.png"])
-    assert [path.name for path in tmp_path.rglob("*.png")] == ["a.png"]
-
-
 def test_a_suite_is_shown_on_a_page(capsys: pytest.CaptureFixture[str]) -> None:
     main(["target=imazu"])
     out = capsys.readouterr().out
@@ -75,23 +63,6 @@ def test_random_encounters_are_shown_by_their_seeds(
     with pytest.raises(SystemExit):
         main(["target=traffic,paper"])
     assert "target: a suite of random encounters is shown alone" in capsys.readouterr().err
-
-
-def test_a_target_that_is_none_is_refused(capsys: pytest.CaptureFixture[str]) -> None:
-    assert "target: none given in imazu; allowed: target=CASE|SUITE" in refused(capsys, main, "imazu")
-
-
-@pytest.mark.skipif(not (ROOT / ".gitignore").exists(), reason="no checkout")
-def test_pictures_of_the_cases_change_no_file_of_the_checkout() -> None:
-    kept = [line for line in (ROOT / ".gitignore").read_text().splitlines() if line.startswith("!/outputs/")]
-    assert kept and not any("case" in line for line in kept)
-
-
-def test_of_many_cases_the_first_are_listed_and_drawn(capsys: pytest.CaptureFixture[str]) -> None:
-    main(["target=traffic_test"])
-    lines = capsys.readouterr().out.splitlines()
-    assert lines[-1] == "outputs/cases_traffic_test.png: the first 60 of 500 cases"
-    assert sum("traffic_" in line for line in lines[:-1]) == 60
 
 
 def test_recommended_commands_keep_odd_names(tmp_path: Path) -> None:

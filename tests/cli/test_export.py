@@ -11,12 +11,13 @@ import pytest
 import torch
 from torch import Generator, Tensor
 
-from ship_trl.cli import export
-from ship_trl.cli.export import compare, main
+from ship_trl.cli.export import main
 from ship_trl.config.errors import ConfigError
 from ship_trl.config.network import describe_network, load_network
 from ship_trl.learn.network import DuelingNetwork, make_network
 from ship_trl.learn.rollout import Episode
+from ship_trl.policies import onnx as export
+from ship_trl.policies.onnx import compare
 from ship_trl.transfer.weights import save_weights
 from tests.command import refused, ship_trl
 from tests.learn.networks import network
@@ -63,13 +64,6 @@ def test_the_command_exports_and_checks_on_an_episode(tmp_path: Path) -> None:
     assert {path.name for path in tmp_path.iterdir()} == {"policy.safetensors", "q.onnx"}
 
 
-def test_colours_and_other_layers_are_exported(tmp_path: Path) -> None:
-    made = saved(tmp_path / "five.safetensors", channels=3, name="five")
-    main(["five.safetensors", "five.onnx", "target=2", "--colour"])
-    pixels = torch.randint(256, (3, 3, 84, 84), dtype=torch.uint8, generator=Generator().manual_seed(2))
-    torch.testing.assert_close(values(tmp_path / "five.onnx", pixels), made(pixels).detach())
-
-
 def test_a_network_of_numbers_is_exported(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     made = make_network(load_network("vector"), 7, Generator().manual_seed(0))
     save_weights(tmp_path / "vector.safetensors", made, {})
@@ -112,11 +106,9 @@ def test_episodes_are_alike_within_rounding() -> None:
 
 REFUSED = {
     "policy.safetensors q.pt target=4": "file: must be a name that ends with .onnx, got q.pt",
-    "policy.safetensors none/q.onnx target=4": "file: no folder ",
     "policy.safetensors q.onnx": "target: none given for policy.safetensors; allowed: target=CASE",
     "policy.safetensors q.onnx target=2,4": "policy: policy.safetensors has several results or cases;",
     "random q.onnx target=4": "policy: random has no network; allowed: a result folder or a safetensors file",
-    "nowhere.safetensors q.onnx target=4": "policy: no file nowhere.safetensors",
 }
 
 

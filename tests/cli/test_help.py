@@ -7,7 +7,7 @@ from pathlib import Path
 import pytest
 
 from ship_trl.cli.help import VERBS
-from tests.command import ROOT, environment
+from tests.command import environment
 
 HEAVY = {"torch", "pygame", "wandb", "matplotlib.pyplot", "pandas"}
 
@@ -22,6 +22,4 @@ def test_help_imports_nothing_heavy(verb: str, tmp_path: Path) -> None:
     assert not imported & (HEAVY if verb else HEAVY | {"hydra", "omegaconf"}) and not list(tmp_path.iterdir())
     if not verb:
         told = {line.split()[0] for line in done.stdout.partition("Verbs: ")[2].splitlines()[1:]}
-        files = (ROOT / "ship_trl/cli").glob("*.py")
-        assert told == {path.stem for path in files if "def main(" in path.read_text()}
-        assert "FE1, FE1-permuted, FE1-random, FE2," in done.stdout
+        assert told == set(VERBS)

@@ -1,6 +1,5 @@
 """Arguments of verbs: each way of parsing refuses a wrong value in one line."""
 
-from importlib import import_module
 from typing import Annotated
 
 import pytest
@@ -25,23 +24,6 @@ def test_a_wrong_value_ends_in_one_line(
         getattr(parser, way)(["random", *words])
     (line,) = capsys.readouterr().err.splitlines()
     assert ended.value.code == 1 and line.startswith(f"ship_trl: {words[0]}: must be ")
-
-
-@pytest.mark.parametrize(
-    ("verb", "words"),
-    [
-        ("evaluate", ["random", "--episodes", "0"]),
-        ("record", ["random", "--size", "9x9"]),
-        ("watch", ["--seed", "-1"]),
-    ],
-)
-def test_verbs_with_words_between_options_refuse_it_too(
-    verb: str, words: list[str], capsys: pytest.CaptureFixture[str]
-) -> None:
-    with pytest.raises(SystemExit) as ended:
-        import_module(f"ship_trl.cli.{verb}").main(words)
-    (line,) = capsys.readouterr().err.splitlines()
-    assert ended.value.code == 1 and line.startswith(f"ship_trl: {words[-2]}: must be ")
 
 
 @pytest.mark.parametrize("text", ["-1e3", "-1E+3", "-1000", "-1000.0", "-1_000", "-.1e4", "-10.e2"])

@@ -88,23 +88,6 @@ def test_parts_of_a_study_are_rows_of_their_own(tmp_path: Path, capsys: pytest.C
     ]
 
 
-def test_of_a_study_that_is_kept_as_tables_the_report_is_named(
-    tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
-    (tmp_path / "runs.csv").touch()
-    with pytest.raises(SystemExit):
-        main([str(tmp_path)])
-    said = capsys.readouterr().err
-    assert f"python -m ship_trl report {tmp_path} reads them" in said and said.count("\n") == 1
-
-
-def test_an_empty_folder_is_one_line_and_exit_1(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    with pytest.raises(SystemExit) as caught:
-        main([str(tmp_path)])
-    assert caught.value.code == 1
-    assert capsys.readouterr().err.startswith("ship_trl: folder: no finished run below")
-
-
 def write_rows(folder: Path, seed: int, rows: list[tuple[str, int, float]]) -> None:
     """A learning curve of rows kind, episode and return."""
     table = pd.DataFrame(rows, columns=["kind", "episode", "return"])
@@ -128,29 +111,12 @@ def test_curves_of_two_folders_are_drawn_beside_each_other(
     assert Path(picture).read_bytes().startswith(b"\x89PNG")
 
 
-def test_without_a_curve_there_is_no_picture(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    write(tmp_path, 0, 30.0)
-    with pytest.raises(SystemExit) as caught:
-        main([str(tmp_path), "--picture", str(tmp_path / "none.png")])
-    assert caught.value.code == 1
-    assert "picture: no learning curve to draw" in capsys.readouterr().err
-    assert not (tmp_path / "none.png").exists()
-
-
 def curve(folder: Path, seed: int, greedy: list[float]) -> None:
     """A run with so many greedy evaluations."""
     write(folder, seed, 30.0)
     numbered = list(enumerate(greedy, 1))
     rows = [row for n, value in numbered for row in ((TRAINING, n, -10.0), (GREEDY, n, value))]
     write_rows(folder, seed, rows)
-
-
-def test_a_picture_is_a_png(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    write(tmp_path, 0, 30.0)
-    with pytest.raises(SystemExit) as ended:
-        main([str(tmp_path), "--picture", str(tmp_path / "curves.xyz")])
-    assert ended.value.code == 1 and not (tmp_path / "curves.xyz").exists()
-    assert capsys.readouterr().err.startswith("ship_trl: --picture: must be a name that ends with .png")
 
 
 def test_two_folders_are_tested_against_each_other(
@@ -232,5 +198,5 @@ def test_the_hint_to_a_report_keeps_odd_folders(
     (tmp_path / name).mkdir()
     (tmp_path / name / "runs.csv").write_text("")
     (line,) = printed_commands(refused(capsys, main, f"./{name}"))
-    verb, folder = pasted(line.removesuffix(" reads them"))
-    assert verb == "report" and Path(folder) == Path(name)
+    verb, action, folder = pasted(line.removesuffix(" reads them"))
+    assert (verb, action) == ("study", "report") and Path(folder) == Path(name)

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from ship_trl.cli import ask, cases, evaluate, metrics, results
+from ship_trl.cli import cases, evaluate, metrics, results, study
 from ship_trl.files.record import SourceReturns
 from ship_trl.run import console
 from tests.a_result import a_result
@@ -49,10 +49,10 @@ VERBS: dict[str, tuple[Callable[[list[str]], None], str]] = {
     "all": (evaluate.main, "keep_course target=paper --all --by class"),
     "results": (results.main, "one"),
     "results, all": (results.main, "one two --all --stability --transfer --test"),
-    "metrics": (metrics.main, "scratch=scratch.csv FT3=FT3.csv"),
+    "metrics": (results.main, "scratch=scratch.csv FT3=FT3.csv"),
     "a case": (cases.main, "target=4 --picture case.png"),
     "cases": (cases.main, "target=paper,ship --picture cases.png"),
-    "ask": (ask.main, "study high:+FTW+above+scratch"),
+    "ask": (study.main, "ask study high:+FTW+above+scratch"),
     "a run": (finish, ""),
 }
 
@@ -69,7 +69,7 @@ def test_no_number_is_cut(
     def record(headings: Sequence[str], rows: Iterable[Sequence[str]], *more: Any, **options: Any) -> None:
         tables.append(((headings, list(rows), *more), options))
 
-    for module in (ask, cases, console, metrics, results):
+    for module in (study, cases, console, metrics, results):
         monkeypatch.setattr(module, "show", record)
     main([word.replace("+", " ") for word in line.split()])
     capsys.readouterr()

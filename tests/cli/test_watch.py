@@ -4,9 +4,9 @@ from pathlib import Path
 
 import pytest
 
-from ship_trl.cli.entries import find_entries
 from ship_trl.cli.watch import main
 from ship_trl.policies.entry import failures_first, split_suites
+from ship_trl.run.entries import find_entries
 from tests.command import refused
 
 

@@ -6,7 +6,6 @@ from hypothesis import assume, given
 from hypothesis import strategies as st
 
 from ship_trl.config.bounds import PICTURE
-from ship_trl.config.errors import ConfigError
 from ship_trl.config.network import (
     geometry,
     linear_from,
@@ -81,8 +80,3 @@ def test_the_papers_network_is_that_of_section_3_5() -> None:
 )
 def test_which_layers_support_the_incremental_backend(conv: list[list[int]], cut: bool) -> None:
     assert supports_incremental(geometry(Network(conv, 1))) == cut
-
-
-def test_a_wrong_network_is_refused_by_name() -> None:
-    with pytest.raises(ConfigError, match=r"^network.conv\[1\]: the kernel must be 20, to cover"):
-        geometry(Network([[8, 8, 4], [8, 7, 1]], 1))

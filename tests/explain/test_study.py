@@ -6,9 +6,8 @@ from pathlib import Path
 
 import pytest
 
-from ship_trl.cli.report import main as report
 from ship_trl.study.tables import LAYERS, read_layers
-from tests.command import ship_trl
+from tests.command import report, ship_trl
 from tests.study.commands import SMALL, study
 
 # It trains a study of its own.
@@ -33,11 +32,11 @@ def folder(measured: Path, tmp_path: Path) -> Path:
 
 
 def layers(folder: Path, table: str = LAYERS) -> str:
-    return ship_trl(str(STUDY), table, folder=folder, verb="layers").stdout
+    return ship_trl(str(STUDY), table, folder=folder, verb="study layers").stdout
 
 
 def refused(folder: Path, table: str = LAYERS) -> str:
-    error = ship_trl(str(STUDY), table, folder=folder, verb="layers", code=1).stderr
+    error = ship_trl(str(STUDY), table, folder=folder, verb="study layers", code=1).stderr
     assert error.startswith("ship_trl: ") and error.count("\n") == 1
     return error
 

@@ -95,20 +95,6 @@ def test_only_words_of_text_keys_are_quoted(word: str, wanted: str) -> None:
     assert quote_text(word) == wanted
 
 
-def test_folders_of_a_grid_are_named_as_typed(tmp_path: Path) -> None:
-    line = (
-        "-m",
-        "hydra/launcher=basic",
-        "profile=smoke",
-        "target=1",
-        "method=scratch",
-        "output=1e3,2024_05_01",
-    )
-    ship_trl(*line, folder=tmp_path)
-    found = {path.relative_to(tmp_path).parts[0] for path in tmp_path.rglob("result.json")}
-    assert found == {"1e3", "2024_05_01"}
-
-
 def test_a_number_in_base_60_is_refused_with_file_and_line(tmp_path: Path) -> None:
     (tmp_path / "own/world").mkdir(parents=True)
     (tmp_path / "own/world/mine.yaml").write_text("defaults: [paper, _self_]\ndt: 1:30\n")

@@ -10,22 +10,16 @@ import sys
 import time
 from collections.abc import Iterator
 from contextlib import contextmanager
-from multiprocessing import current_process
 from pathlib import Path
 
 import pytest
-from joblib import Parallel, delayed
 
-from ship_trl.grid.launchers import JOBLIB, close_token
-from ship_trl.study.launch import batches, command, processes
-from ship_trl.study.plan import LAUNCHERS, plan_jobs, to_study
+from ship_trl.grid.callback import close_token
+from ship_trl.grid.launchers import JOBLIB
+from ship_trl.study.launch import batches, processes
+from ship_trl.study.plan import plan_jobs, to_study
 from tests.command import environment, files, ship_trl
-from tests.config.test_config import options
 from tests.study.commands import SMALL, descendants, learned, study
-
-
-def test_every_launcher_of_ours_is_a_studys() -> None:
-    assert {*options("hydra/launcher"), "joblib"} == LAUNCHERS.keys()
 
 
 def test_local_submitit_gets_no_more_jobs_at_once_than_there_are_cores() -> None:
@@ -37,13 +31,6 @@ def test_local_submitit_gets_no_more_jobs_at_once_than_there_are_cores() -> None
     assert batches(jobs, to_study(["profile=smoke"])) == [jobs]
 
 
-def test_launchers_overrides_are_not_of_the_runs(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("ship_trl.grid.launchers.shutil.which", lambda name: f"/usr/bin/{name}")
-    config = to_study(["launcher=slurm", "overrides=[hydra.launcher.partition=gpu,learn.lr=0.1]"])
-    assert config.run_overrides == ["learn.lr=0.1"]
-    assert "hydra.launcher.partition=gpu" in command(plan_jobs(config)[:1], config)
-
-
 @pytest.mark.long
 def test_a_study_is_the_same_by_submitit(whole: Path, tmp_path: Path) -> None:
     # A name that Hydra's grammar would not take unquoted.
@@ -51,12 +38,6 @@ def test_a_study_is_the_same_by_submitit(whole: Path, tmp_path: Path) -> None:
     place.mkdir()
     study(*SMALL, "launcher=slurm_local", folder=place)
     assert learned(place) == learned(whole)
-
-
-def test_the_processes_of_a_grid_are_known_by_their_name() -> None:
-    # Else an orphan would not be told from a process of Ray's, whose parent is none of ours.
-    names = Parallel(n_jobs=2)(delayed(lambda: current_process().name)() for _ in range(2))
-    assert all(name.startswith(JOBLIB) for name in names)
 
 
 @pytest.mark.parametrize(("name", "code"), [(f"{JOBLIB}-1", -signal.SIGTERM), ("MainProcess", 0)])
@@ -122,7 +103,17 @@ def test_a_killed_worker_of_a_cluster_costs_its_run_a_retry(
     monkeypatch.setenv("RAY_AUTH_TOKEN", token)
     with cluster() as (address, nodes):
         where = f"overrides=[hydra.launcher.ray.init.address='{address}']"
-        line = [sys.executable, "-m", "ship_trl", "study", *SMALL, "retries=0", "launcher=ray_cluster", where]
+        line = [
+            sys.executable,
+            "-m",
+            "ship_trl",
+            "study",
+            "run",
+            *SMALL,
+            "retries=0",
+            "launcher=ray_cluster",
+            where,
+        ]
         child = subprocess.Popen(line, cwd=tmp_path, env=environment(), stdout=subprocess.DEVNULL)
         try:
             deadline = time.monotonic() + 300

@@ -9,7 +9,7 @@ import yaml
 from ship_trl.config.errors import ConfigError
 from ship_trl.files.curve import CURVE, read_curve, split
 from ship_trl.files.record import read_run
-from ship_trl.grid.sweep import objective
+from ship_trl.grid.callback import objective
 from ship_trl.run.plan import Run, make_run
 from tests.a_result import a_result, an_evaluation
 from tests.command import ship_trl

@@ -8,13 +8,13 @@ import torch
 from safetensors.torch import load_file
 
 import ship_trl as package
-from ship_trl.cli.entries import find_entries
-from ship_trl.cli.pretrain import SUITES, TESTS, rollout_greedy
 from ship_trl.config.errors import ConfigError
 from ship_trl.fast.worlds import make_env
 from ship_trl.learn.rollout import rollout
 from ship_trl.policies import pretrained
 from ship_trl.policies.reference import best_known
+from ship_trl.run.entries import find_entries
+from ship_trl.run.pretrain import SUITES, TESTS, rollout_greedy
 from ship_trl.sim.cases import load_case, load_world
 from ship_trl.sim.suites import Perturbation, load_suite
 from tests.cli.test_evaluate import table

@@ -3,12 +3,10 @@
 from pathlib import Path
 
 import pytest
-from hydra import compose, initialize_config_dir
 from PIL import Image
 
-from ship_trl.config.checks import to_config
-from ship_trl.config.paths import conf_dir
 from ship_trl.files.curve import read_curve, split
+from ship_trl.grid.compose import compose_config
 from ship_trl.run.conclude import scratch_returns
 from ship_trl.run.plan import Run, make_run
 from tests.command import ship_trl
@@ -17,8 +15,7 @@ SMOKE = ("profile=smoke", "learn.episodes=3", "learn.warmup_steps=30", "learn.ju
 
 
 def run(*words: str) -> Run:
-    with initialize_config_dir(str(conf_dir()), version_base="1.3"):
-        return make_run(to_config(compose("config", [*words])))
+    return make_run(compose_config(*words))
 
 
 def test_the_shipped_settings_have_five_seeds() -> None:

@@ -11,18 +11,16 @@ from pathlib import Path
 import pandas as pd
 import pytest
 import torch
-from hydra import compose, initialize_config_dir
 from omegaconf import OmegaConf
 from torch import Generator
 
-from ship_trl.config.checks import to_config
 from ship_trl.config.errors import ConfigError
 from ship_trl.config.network import load_network
-from ship_trl.config.paths import conf_dir
 from ship_trl.config.types import Config, Schedule
 from ship_trl.fast.worlds import make_env
 from ship_trl.files.curve import CURVE
 from ship_trl.files.record import read_run
+from ship_trl.grid.compose import compose_config
 from ship_trl.learn.double_dqn import build
 from ship_trl.learn.network import DuelingNetwork, make_network
 from ship_trl.policies.demonstrations import write_demonstration
@@ -54,9 +52,8 @@ def test_every_step_of_a_demonstration_is_stored_once(tmp_path: Path) -> None:
     plan = best_known(case, world)
     for _ in range(2):
         write_demonstration(tmp_path, case, world, plan.actions, (plan.episode_return, "goal"), "planner")
-    with initialize_config_dir(str(conf_dir()), version_base="1.3"):
-        words = ["target=4", "method=scratch", f"demonstrations={tmp_path}"]
-        run = make_run(to_config(compose("config", words)))
+    words = ["target=4", "method=scratch", f"demonstrations={tmp_path}"]
+    run = make_run(compose_config(*words))
     env, replay = make_env(case, world, 3), Generator().manual_seed(0)
     network = DuelingNetwork(1, 7, Generator().manual_seed(0))
     setup = fast_setup(network, env.rasteriser, 7, run.config.learn, Generator(), replay)
@@ -78,8 +75,7 @@ def read(arm: str, folder: Path, world: Sequence[str] = (ACTIONS,)) -> Source | 
     """Read a source of seven actions, for a world of three by default."""
     file = next(one.file for one in networks() if one.name == "1")
     words = ("source=1", "target=2", f"+arm={arm}", f"source_file={file}", f"output={folder}", *world)
-    with initialize_config_dir(str(conf_dir()), version_base="1.3"):
-        return read_source(make_run(to_config(compose("config", list(words)))))
+    return read_source(make_run(compose_config(*words)))
 
 
 @pytest.mark.parametrize("arm", ["FE3", "FT1", "FTB", "SP3", "GU3"])

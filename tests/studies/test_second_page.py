@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from ship_trl.cli import ask
+from ship_trl.cli.study import answers
 from ship_trl.study.statistics import interquartile_mean
 from ship_trl.study.study import Study, read_study
 from studies.second import power, report
@@ -76,9 +76,9 @@ def test_what_is_said_of_other_learners_follows_from_the_kept_studies() -> None:
     first = read_study(ROOT / "outputs/confirmatory")
     words = ["low: FTW above scratch (greedy area)", "low: scratch (greedy area)", "low: FTW (greedy area)"]
     (less, with_ppo, _), (seen, from_pixels, _), (more, with_n_step, _) = (
-        ask.answers(one, words, 10) for one in (ppo, ppo_pixels, n_step)
+        answers(one, words, 10) for one in (ppo, ppo_pixels, n_step)
     )
-    gain, with_one, _ = ask.answers(first, words, 15)
+    gain, with_one, _ = answers(first, words, 15)
     above = [sum(value > 0 for value in one.differences) for one in (less, seen, more, gain)]
     assert above == [1, 7, 10, 15]
     assert seen.high / (1 - from_pixels.value) == pytest.approx(1 / 3, abs=0.05)

@@ -12,8 +12,8 @@ SMALL = ("profile=smoke", "pairs=[high]", "arms=[scratch,FTW]", "reuse=false", "
 def study(
     *overrides: str, folder: Path, code: int = 0, new_process: bool = False
 ) -> subprocess.CompletedProcess[str]:
-    """Run `python -m ship_trl study ...` in `folder`, and check its exit code."""
-    return ship_trl(*overrides, folder=folder, verb="study", code=code, new_process=new_process)
+    """Run `python -m ship_trl study run ...` in `folder`, and check its exit code."""
+    return ship_trl(*overrides, folder=folder, verb="study run", code=code, new_process=new_process)
 
 
 def learned(folder: Path) -> dict[str, bytes]:

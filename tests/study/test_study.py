@@ -50,7 +50,7 @@ def test_processes_of_their_own_learn_the_same(processes: str, whole: Path, tmp_
 
 @pytest.mark.long
 def test_killed_and_started_again_it_ends_alike(whole: Path, tmp_path: Path) -> None:
-    child = Child(("study", *SMALL), tmp_path)
+    child = Child(("study", "run", *SMALL), tmp_path)
     # While it trains, anywhere: the time is not important, and printed if it ever is.
     while not list(tmp_path.rglob("curve.csv")):
         assert child.wait(0.1) is None
@@ -100,7 +100,7 @@ def test_bad_input_is_one_line(override: str, said: str, tmp_path: Path) -> None
 
 
 def test_help_needs_no_torch(tmp_path: Path) -> None:
-    assert "python -m ship_trl study profile=quick" in study("--help", folder=tmp_path).stdout
+    assert "first_seed=N" in study("--help", folder=tmp_path).stdout
 
 
 def test_the_last_whole_line_tells_how_far_a_run_is(tmp_path: Path) -> None:

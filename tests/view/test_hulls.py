@@ -9,8 +9,8 @@ import pygame
 import pytest
 from numpy.typing import NDArray
 
-from ship_trl.cli.entries import find_entries
 from ship_trl.policies.entry import draw_starts, split_suites
+from ship_trl.run.entries import find_entries
 from ship_trl.sim import scene
 from ship_trl.sim.cases import load_world
 from ship_trl.sim.state import SHIP_COUNT, SHIP_Y, position, target_ships

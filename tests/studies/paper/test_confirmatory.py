@@ -75,7 +75,7 @@ def test_it_is_judged_by_the_rules_that_it_was_begun_with() -> None:
 
 # The report without its pictures, which take most of the time.
 WITHOUT_PICTURES = """
-from ship_trl.cli.report import main
+from tests.command import report as main
 from ship_trl.study.report import write
 write.draw_all = lambda *_: []
 main()
@@ -101,7 +101,7 @@ def test_the_report_that_is_kept_follows_from_the_tables(tmp_path: Path) -> None
 def test_the_pictures_that_are_kept_follow_from_the_tables(tmp_path: Path) -> None:
     made = tmp_path / "made"
     words = str(FOLDER), "--seeds", str(SEEN), "--output", str(made)
-    ship_trl(*words, folder=tmp_path, verb="report", new_process=True)
+    ship_trl(*words, folder=tmp_path, verb="study report", new_process=True)
     kept = {path.name for path in REPORT.glob("*.png")}
     assert kept and kept <= {path.name for path in made.glob("*.png")}
 

@@ -5,9 +5,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from ship_trl.cli.keep import main as keep
 from ship_trl.study.manifest import write_plan
 from ship_trl.study.plan import plan_jobs, to_study
+from tests.command import keep
 from tests.study.commands import SMALL
 from tests.study.synthetic import learning, write_run
 

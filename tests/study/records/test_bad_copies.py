@@ -7,10 +7,8 @@ from pathlib import Path
 
 import pytest
 
-from ship_trl.cli.keep import main as keep
-from ship_trl.cli.report import main as report
 from ship_trl.study.tables import digest
-from tests.command import files
+from tests.command import files, keep, report
 
 FILES = ["curves.csv.xz", "runs.csv", "study.json"]
 

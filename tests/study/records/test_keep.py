@@ -12,12 +12,10 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from ship_trl.cli.keep import main as keep
-from ship_trl.cli.report import main as report
 from ship_trl.files.record import SourceReturns, read_run
 from ship_trl.study.metrics import measure
 from ship_trl.study.study import read_study
-from tests.command import files
+from tests.command import files, keep, report
 from tests.study.commands import SMALL, learned, study
 from tests.study.records.conftest import a_study
 
@@ -134,7 +132,7 @@ def test_no_study_is_begun_among_tables(copy: Path, tmp_path: Path) -> None:
     done = study(*SMALL, f"output={copy}", folder=tmp_path, code=1)
     assert done.stderr.count("\n") == 1
     assert f"output: {copy} holds a study's tables; allowed: another output=FOLDER; " in done.stderr
-    assert f"ship_trl keep --restore {copy} FOLDER" in done.stderr
+    assert f"ship_trl study keep --restore {copy} FOLDER" in done.stderr
     assert files(copy) == before
 
 
@@ -150,7 +148,7 @@ def test_no_study_is_begun_among_tables(copy: Path, tmp_path: Path) -> None:
         (["--restore", "copy", "taken/below"], "cannot be written: Not a directory"),
         (["--restore", "study", "new"], "copy: study/runs.csv is not the file that study.json was kept with"),
         (["study"], "the following arguments are required: COPY"),
-        (["--banana"], "see python -m ship_trl keep --help"),
+        (["--banana"], "see python -m ship_trl study keep --help"),
     ],
 )
 def test_what_is_there_is_kept(

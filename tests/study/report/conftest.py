@@ -10,7 +10,7 @@ from pathlib import Path
 
 import pytest
 
-from ship_trl.cli.report import main
+from tests.command import report as main
 from tests.study.synthetic import write_study
 
 MARKUP = "<img src=x onerror=alert(1)>"

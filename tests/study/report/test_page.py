@@ -10,12 +10,12 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from ship_trl.cli.report import main
 from ship_trl.study.statistics import Estimate
 from studies.paper.claims import ALL
 from studies.paper.contrasts import beats
 from studies.paper.judge import Answer, Claim, Finding, Grade, Part, Verdict, judge, min_detectable_effect
 from studies.paper.report import families, in_a_sentence, scale_of
+from tests.command import report as main
 from tests.study.report.conftest import Reported
 from tests.study.synthetic import make_study, write_study
 

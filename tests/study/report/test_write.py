@@ -13,13 +13,13 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from ship_trl.cli.report import main
 from ship_trl.files.record import SourceReturns
 from ship_trl.run import console
 from ship_trl.study.metrics import LATER
 from ship_trl.study.report import write
 from ship_trl.study.study import Study
 from tests.command import ROOT, files
+from tests.command import report as main
 from tests.study.report.conftest import GONE, STAYING, Reported
 from tests.study.synthetic import learning, write_planned, write_run, write_study
 
@@ -165,7 +165,7 @@ def test_450_runs_take_less_than_a_minute_and_a_gibibyte_without_torch(
 ) -> None:
     assert made(tmp_path) >= 450
     code = (
-        "import sys; from ship_trl.cli.report import main; main([sys.argv[1]]);"
+        "import sys; from tests.command import report as main; main([sys.argv[1]]);"
         "assert 'torch' not in sys.modules;"
         # In KiB, of this process alone: getrusage begins with what the parent had.
         "print(next(l for l in open('/proc/self/status') if l.startswith('VmHWM')).split()[1])"

@@ -1,0 +1,184 @@
+"""Hydra's callback of a grid: check the runs before the first one starts, and report the best trial."""
+
+from __future__ import annotations
+
+import contextlib
+import os
+import secrets
+import sys
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any
+
+from hydra._internal.core_plugins.basic_sweeper import BasicSweeper
+from hydra.core.global_hydra import GlobalHydra
+from hydra.core.hydra_config import HydraConfig
+from hydra.core.override_parser.overrides_parser import OverridesParser
+from hydra.errors import HydraException
+from hydra.experimental.callback import Callback
+from omegaconf import DictConfig, OmegaConf, open_dict, read_write
+from omegaconf.errors import OmegaConfBaseException
+from yaml import YAMLError
+
+from ship_trl.config.checks import to_config
+from ship_trl.config.errors import ConfigError, one_line, print_error
+from ship_trl.config.paths import conf_dir
+from ship_trl.config.types import Objective
+from ship_trl.files.curve import RunError
+from ship_trl.files.record import RunRecord
+from ship_trl.files.untrusted import read_yaml
+from ship_trl.grid.launchers import GRID, check_slurm, install_signal_handlers
+from ship_trl.run.plan import Run, TakenError, make_run
+
+TOKEN, TOKEN_PATH, MODE = "RAY_AUTH_TOKEN", "RAY_AUTH_TOKEN_PATH", "RAY_AUTH_MODE"
+RAY = "hydra_plugins.hydra_ray_launcher"
+# File that Hydra's sweepers write.
+RESULTS = "optimization_results.yaml"
+
+
+class Grid(Callback):
+    """Checks a grid, lets its processes stop cleanly, and prints the best trial of a sweep."""
+
+    def on_multirun_start(self, config: DictConfig, **kwargs: Any) -> None:
+        """Check before Hydra writes anything and before the launcher starts.
+
+        It exits on a wrong run, because Hydra turns exceptions of a callback into warnings.
+        """
+        try:
+            check(config)
+        except ConfigError as error:
+            print_error(str(error))
+            sys.exit(1)
+        install_signal_handlers()
+        if count := OmegaConf.select(config.hydra.sweeper, "n_trials") or len(list_runs(config)):
+            os.environ[GRID] = str(count)
+        launcher = config.hydra.launcher
+        if str(launcher.get("_target_")).startswith(RAY):
+            close_token(own_cluster=OmegaConf.select(launcher, "ray.init.address") in (None, "local"))
+
+    def on_multirun_end(self, config: DictConfig, **kwargs: Any) -> None:
+        """Print the best trial, if the sweeper names one: with several objectives there is none."""
+        path = Path(config.hydra.sweep.dir) / RESULTS
+        if is_basic(config):
+            return
+        with contextlib.suppress(OSError, YAMLError, KeyError, TypeError, ValueError):
+            found: Any = read_yaml(path)
+            params, value = dict(found["best_params"]), float(found["best_value"])
+            words = " ".join(f"{key}={given}" for key, given in params.items())
+            line = one_line(f"best trial: {words}, {config.objective} {value:.1f}; {path}")
+            sys.stdout.write(f"{line}\n")
+
+
+def check(config: DictConfig) -> None:
+    """Compose and check every run.
+
+    Raises:
+        ConfigError: a run is invalid, two different runs share a folder, a key is given twice, or there is no
+            cluster.
+    """
+    check_repeated(OmegaConf.to_container(config.hydra.overrides.task, resolve=False))
+    check_slurm(str(config.hydra.runtime.choices["hydra/launcher"]), "hydra/launcher")
+    in_folder: dict[Path, dict[str, set[str]]] = {}
+    for number, words in enumerate(list_runs(config)):
+        try:
+            run = make_run(to_config(compose_run(config, number, words)))
+        except TakenError:
+            # This run fails when its turn comes; the other runs are trained.
+            continue
+        except (HydraException, OmegaConfBaseException):
+            # Hydra reports this error itself.
+            return
+        in_folder.setdefault(run.folder, {})[run.config_hash] = set(words)
+    for folder, runs in in_folder.items():
+        if len(runs) > 1:
+            every = list(runs.values())
+            differ = every[0].union(*every) - every[0].intersection(*every)
+            keys = sorted({word.split("=")[0].lstrip("+") for word in differ})
+            raise ConfigError(describe_shared(folder, keys))
+
+
+def check_repeated(words: Any) -> None:
+    """Refuse a key that is given twice: Hydra would take the last one, and drop the values of a grid."""
+    given: dict[str, str] = {}
+    for word in words:
+        key = word.partition("=")[0].lstrip("+")
+        if key in given:
+            raise ConfigError(f"{key}: given twice, as {given[key]} and {word}; allowed: once in a grid")
+        given[key] = word
+
+
+def describe_shared(folder: Path, keys: Sequence[str]) -> str:
+    """Return the message that runs which differ in `keys` share a folder, and how each run gets its own."""
+    groups = {path.name for path in conf_dir().iterdir() if path.is_dir()}
+    how = f"'output=outputs/{'-'.join(f'${{{key}}}' for key in keys)}'"
+    if groups & set(keys):
+        # These keys choose config groups. The name of the output folder cannot contain them.
+        how = "a grid for each value, with its own output=FOLDER"
+    return f"output: runs that differ in {' and '.join(keys)} would share {folder}; allowed: {how}"
+
+
+def is_basic(config: DictConfig) -> bool:
+    """Return whether the words alone say what runs there are, and no sweeper chooses values."""
+    return str(config.hydra.sweeper.get("_target_")).endswith(BasicSweeper.__name__)
+
+
+def list_runs(config: DictConfig) -> list[Sequence[str]]:
+    """List the overrides of each run of a grid; empty if a sweeper chooses them during the sweep."""
+    if not is_basic(config):
+        return []
+    params = config.hydra.sweeper.get("params") or {}
+    # Unresolved, because ${learn.lr} may have another value in each run.
+    task: Any = OmegaConf.to_container(config.hydra.overrides.task, resolve=False)
+    words = [*(f"{key}={value}" for key, value in params.items()), *task]
+    try:
+        given = OverridesParser.create().parse_overrides(words)
+        return [run for batch in BasicSweeper.split_arguments(given, None) for run in batch]
+    except HydraException:  # Hydra reports this error itself
+        return []
+
+
+def compose_run(config: DictConfig, number: int, words: Sequence[str]) -> DictConfig:
+    """Compose the configuration of a run of a grid, as the launcher will do."""
+    values = GlobalHydra.instance().config_loader().load_sweep_config(config, list(words))
+    with read_write(values), open_dict(values):
+        values.hydra.job.num = number
+    known = HydraConfig.instance()
+    before, known.cfg = known.cfg, None
+    try:
+        known.set_config(values)
+        task = OmegaConf.masked_copy(values, [str(key) for key in values if key != "hydra"])
+        OmegaConf.resolve(task)
+        return task
+    finally:
+        known.cfg = before
+
+
+def close_token(own_cluster: bool) -> None:
+    """Hide Ray's token from other users of the machine.
+
+    If Ray starts a cluster, it writes the cluster's token into `~/.ray/auth_token`, which everyone can read.
+    The cluster ends with the grid, so the token of our own one stays in memory. A file is made private.
+    """
+    path = Path.home() / ".ray" / "auth_token"
+    if path.is_file() and path.stat().st_mode & 0o077:
+        path.chmod(0o600)
+    elif own_cluster and not path.exists() and not {TOKEN, TOKEN_PATH} & os.environ.keys():
+        os.environ.setdefault(MODE, "token")
+        os.environ[TOKEN] = secrets.token_hex(32)
+
+
+def objective(run: Run, result: RunRecord) -> float:
+    """Return the greedy return that the setting `objective` chooses."""
+    if run.config.objective is Objective.best:
+        return result.best.episode_return
+    if run.config.objective is Objective.final:
+        return result.final.episode_return
+    try:
+        greedy = result.greedy
+    except RunError as error:
+        raise ConfigError(
+            f"objective: {run.folder}: {error}; allowed without a curve: objective=final, objective=best"
+        ) from None
+    explored = run.config.learn.epsilon_fraction * run.config.learn.episodes
+    # Never empty, because a run ends with an evaluation.
+    return float(greedy.returns[greedy.episode >= explored].mean())

@@ -1,0 +1,107 @@
+"""What each bundled algorithm reads: its own keys, and how it uses others'. No torch.
+
+A line in `READS` gives an algorithm's module its settings, which are checked before torch is imported.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Annotated, Any
+
+from pydantic import Field
+
+from ship_trl.config.algorithm import Reads
+from ship_trl.config.bounds import MAX_STEPS, Count, PositiveShare, Share
+from ship_trl.config.errors import ConfigError
+from ship_trl.config.paths import is_path
+from ship_trl.config.schema import rule
+from ship_trl.config.types import Learn
+
+TEACHERS = "a safetensors file, a result folder, or pretrained:NAME"
+TeacherName = Annotated[Any, rule(TEACHERS, lambda name: isinstance(name, str) and is_path(name))]
+# Steps of each environment that are held in memory; pictures that are computed at once.
+MAX_ROLLOUT_STEPS, MAX_MINIBATCH = 100_000, 10_000
+# Steps of all environments in a rollout; with eight target ships they take 4 GB.
+MAX_ROLLOUT = 10_000_000
+
+
+@dataclass
+class DoubleDQN:
+    """Double dueling DQN has no keys of its own; all are in `learn`."""
+
+
+@dataclass
+class NStep:
+    """Double dueling DQN with targets of `steps` rewards."""
+
+    steps: Annotated[int, Field(ge=1, le=MAX_STEPS)]
+
+
+@dataclass
+class PPO:
+    """Proximal policy optimisation.
+
+    An update makes `epochs` passes over `rollout_steps` steps of each of `learn.num_envs` environments. After
+    `imitation_start`, a share of the episodes, it also imitates the best episode from each start.
+    """
+
+    rollout_steps: Annotated[int, Field(ge=2, le=MAX_ROLLOUT_STEPS)]
+    epochs: Count
+    minibatch_size: Annotated[int, Field(ge=1, le=MAX_MINIBATCH)]
+    clip_epsilon: Annotated[float, Field(gt=0, le=1)]
+    gae_lambda: Share
+    entropy_coeff: Annotated[float, Field(ge=0, le=1)]
+    critic_coeff: Annotated[float, Field(ge=0, le=1000)]
+    max_grad_norm: Annotated[float, Field(gt=0)]
+    imitation_coeff: Annotated[float, Field(ge=0, le=1000)]
+    imitation_start: Share
+
+    def check(self, learn: Learn) -> None:
+        """Check that a rollout fits into memory, and holds a minibatch."""
+        most, environments = (
+            self.rollout_steps * learn.num_envs,
+            f"learn.num_envs={learn.num_envs} environments",
+        )
+        if most > MAX_ROLLOUT:
+            allowed = f"at most {MAX_ROLLOUT // learn.num_envs} (with {environments})"
+            raise ConfigError(f"algorithm.rollout_steps: must be {allowed}, got {self.rollout_steps}")
+        if self.minibatch_size > most:
+            allowed = f"at most {most} (rollout_steps of {environments})"
+            raise ConfigError(f"algorithm.minibatch_size: must be {allowed}, got {self.minibatch_size}")
+
+
+@dataclass
+class Pupil:
+    """Distillation of the network of a `teacher` (learn/pupil.py).
+
+    `own_fraction` is the share of the episodes after which the pupil chooses all actions. The temperature is
+    in scaled rewards.
+    """
+
+    teacher: TeacherName
+    own_fraction: PositiveShare
+    temperature: Annotated[float, Field(gt=0)]
+    huber_weight: Annotated[float, Field(ge=0, le=1000)]
+
+
+READS = {
+    "double_dqn": Reads(DoubleDQN, is_default=True),
+    "n_step": Reads(NStep),
+    "ppo": Reads(
+        PPO,
+        is_on_policy=True,
+        batch_key="minibatch_size",
+        ignored=(
+            *("learn.batch_size", "learn.update_every", "learn.tau", "learn.loss", "learn.huber_delta"),
+            *("learn.replay_size", "learn.warmup_steps"),
+            *("learn.epsilon_start", "learn.epsilon_end", "learn.epsilon_fraction"),
+        ),
+        # Files of runs without imitation do not name its keys.
+        unnamed_without={"imitation_coeff": ("imitation_coeff", "imitation_start")},
+    ),
+    "pupil": Reads(
+        Pupil,
+        is_distilled=True,
+        ignored=("learn.loss", "learn.gamma", "margin.distance", "margin.penalty"),
+    ),
+}

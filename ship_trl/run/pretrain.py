@@ -1,0 +1,204 @@
+"""Train the bundled networks again: one for each bundled case, and those of random encounters."""
+
+from __future__ import annotations
+
+import hashlib
+import json
+import math
+import subprocess
+import sys
+from collections.abc import Iterable
+from dataclasses import asdict
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from ship_trl.config.command import override
+from ship_trl.config.errors import ConfigError
+from ship_trl.files.curve import RunError, split
+from ship_trl.files.disk import atomic_write
+from ship_trl.files.record import RunRecord, read_run
+from ship_trl.policies.pretrained import CURVES, MANIFEST, CaseNetwork, SuiteNetwork, networks
+from ship_trl.run.plan import ALGORITHM_VERSION
+from ship_trl.sim.cases import load_case, load_world
+from ship_trl.sim.suites import Suite, load_suite, suite_of
+from ship_trl.transfer.casebase import POLICY
+
+if TYPE_CHECKING:
+    from ship_trl.learn.network import DuelingNetwork
+    from ship_trl.learn.rollout import Episode
+
+RUNS = Path("outputs/pretrained")
+SEEDS = range(100, 105)
+# The networks of random encounters by name: the seeds of their runs, and their words.
+TRAFFIC = "traffic"
+SUITES = {
+    "traffic": (range(5), ["observation=vector"]),
+    "traffic_pixels": (range(3), ["algorithm=pupil", "algorithm.teacher={folder}/traffic.safetensors"]),
+}
+# The suites that their success rates are of. Equal episodes on the first allow half precision.
+TESTS = ("imazu", "traffic_test")
+
+
+def train(output: Path, seeds: Iterable[int], *words: str) -> None:
+    """Train the missing runs from scratch, and exit if one fails."""
+    grid = *words, "method=scratch", f"seed={','.join(map(str, seeds))}", override("output", output)
+    if code := subprocess.run([sys.executable, "-m", "ship_trl", "-m", *grid], check=False).returncode:
+        sys.exit(code)
+
+
+def make_cases(folder: Path, runs: Path) -> None:
+    """Train the missing runs of cases; write each case's best network, all curves and last a manifest.
+
+    Raises:
+        ConfigError: a run is missing or incomplete.
+        OSError: a file cannot be written.
+    """
+    import pandas as pd
+
+    from ship_trl.run.process import configure_process
+
+    cases = sorted(one.target for one in networks())
+    train(runs, SEEDS, f"target={','.join(cases)}")
+    configure_process()
+    written, kept, curves = [], [], []
+    for case in cases:
+        paths = [runs / case / "scratch" / f"seed={seed}" for seed in SEEDS]
+        found = [read_trained(path) for path in paths]
+        for run in found:
+            about = {"case": run.target, "seed": run.seed, "config_hash": run.config_hash}
+            kept.append(about | {"best_return": run.best.episode_return})
+            rows = split(run.curve)[0][["episode", "return"]].round({"return": 2})
+            curves.append(rows.assign(config_hash=run.config_hash))
+        # On ties `max` finds the first, which has the lower seed.
+        one = write_network(folder, max(found, key=lambda run: run.best.episode_return))
+        sys.stdout.write(
+            f"case {one.name}: seed {one.seed}, return {one.episode_return:.1f}, "
+            f"{one.of_best_known:.0%} of the best known, {one.outcome}, {one.dtype}\n"
+        )
+        written.append(asdict(one))
+    with atomic_write(folder / CURVES) as draft:
+        pd.concat(curves).to_csv(draft, index=False, lineterminator="\n")
+    update_manifest(folder, algorithm_version=ALGORITHM_VERSION, networks=written, runs=kept)
+
+
+def make_suites(folder: Path, runs: Path) -> None:
+    """Train the missing runs of random encounters, and write the best network of each name and the manifest.
+
+    One follows the other, because a network that was just written teaches the next one.
+
+    Raises:
+        ConfigError: a run is missing or incomplete.
+        OSError: a file cannot be written.
+    """
+    from ship_trl.run.process import configure_process
+
+    configure_process()
+    written = []
+    for name, (seeds, words) in SUITES.items():
+        # A second network has an output folder of its own.
+        output = runs if name == TRAFFIC else runs / name
+        parts = (word.format(folder=folder).partition("=") for word in words)
+        train(output, seeds, f"target={TRAFFIC}", *(override(key, value) for key, _, value in parts))
+        place = output / TRAFFIC / "scratch"
+        found = {seed: read_trained(place / f"seed={seed}") for seed in seeds}
+        rates = {str(seed): run.best.success_rate for seed, run in found.items()}
+        # On ties `max` finds the first, which has the lower seed.
+        best = max(found, key=lambda seed: rates[str(seed)])
+        one = write_suite(folder, name, found[best], rates)
+        reached = ", ".join(f"{rate:.1%} of {suite}" for suite, rate in one.success_rates.items())
+        sys.stdout.write(f"{name}: seed {one.seed}, success in {reached}, {one.dtype}\n")
+        written.append(asdict(one))
+    update_manifest(folder, suites=written)
+
+
+def update_manifest(folder: Path, **values: Any) -> None:
+    """Set keys of the manifest in `folder`, and leave others as they are."""
+    path = folder / MANIFEST
+    held = json.loads(path.read_text()) if path.exists() else {}
+    with atomic_write(path) as draft:
+        draft.write_text(json.dumps(held | values, indent=1) + "\n")
+
+
+def read_trained(folder: Path) -> RunRecord:
+    """Read a run with its curve.
+
+    Raises:
+        ConfigError: a file is missing, damaged or incomplete.
+    """
+    try:
+        run = read_run(folder)
+        run.curve  # noqa: B018
+        return run
+    except RunError as error:
+        raise ConfigError(f"runs: {folder}: {error}") from None
+
+
+def write_network(folder: Path, run: RunRecord) -> CaseNetwork:
+    """Write the best network of a case's run as `CASE.safetensors`; return its entry in the manifest."""
+    from ship_trl.policies.reference import best_known
+
+    world = load_world()
+    case = load_case(run.target, world)
+    (whole,), _, about = write_weights(folder, case.name, run, suite_of(case))
+    return CaseNetwork(
+        **about,
+        fingerprint=case.fingerprint,
+        episode_return=whole.episode_return,
+        of_best_known=round(whole.episode_return / best_known(case, world).episode_return, 4),
+        outcome=whole.outcome,
+        length=whole.length,
+        dcpa=whole.dcpa if math.isfinite(whole.dcpa) else None,
+    )
+
+
+def write_suite(folder: Path, name: str, run: RunRecord, rates: dict[str, float]) -> SuiteNetwork:
+    """Write the best network of a suite's runs as `NAME.safetensors`; return its entry in the manifest."""
+    world = load_world()
+    suites = {test: load_suite(test, world) for test in TESTS}
+    _, network, about = write_weights(folder, name, run, suites[TESTS[0]])
+    reached = {}
+    for test, suite in suites.items():
+        episodes, _ = rollout_greedy(suite, folder / f"{name}.safetensors")
+        reached[test] = sum(episode.goal for episode in episodes) / len(episodes)
+    return SuiteNetwork(
+        **about, observation=network.observes, success_rates=reached, success_rates_by_seed=rates
+    )
+
+
+def write_weights(
+    folder: Path, name: str, run: RunRecord, suite: Suite
+) -> tuple[list[Episode], DuelingNetwork, dict[str, Any]]:
+    """Write a run's network, in half precision if its greedy episodes on `suite` stay the same.
+
+    Returns:
+        These episodes, the network, and the values of the manifest that all networks have.
+    """
+    import torch
+
+    from ship_trl.transfer.weights import save_weights
+
+    file = folder / f"{name}.safetensors"
+    about: dict[str, Any] = {key: getattr(run, key) for key in ("target", "arm", "seed", "config_hash")}
+    about["name"] = name
+    whole, network = rollout_greedy(suite, run.folder / POLICY)
+    for dtype in (torch.float16, torch.float32):
+        save_weights(file, network, about, dtype)
+        stored, _ = rollout_greedy(suite, file)
+        if all(torch.equal(one.actions, same.actions) for one, same in zip(whole, stored, strict=True)):
+            break
+    about["dtype"] = str(dtype).removeprefix("torch.")
+    about["sha256"] = hashlib.sha256(file.read_bytes()).hexdigest()
+    return whole, network, about
+
+
+def rollout_greedy(suite: Suite, weights: Path) -> tuple[list[Episode], DuelingNetwork]:
+    """Return the greedy episodes of the network in a file, one of each case, and the network."""
+    from ship_trl.fast.worlds import make_env
+    from ship_trl.learn.rollout import rollout
+    from ship_trl.policies.named import load_with_network
+    from ship_trl.sim.starts import Starts
+
+    world = load_world()
+    env = make_env(suite, world, starts=Starts(suite, world).states)
+    policy, network = load_with_network(str(weights), env)
+    return rollout(env, policy), network

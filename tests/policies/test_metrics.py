@@ -50,14 +50,6 @@ def test_the_straight_way_has_ratio_one(make_case: Callable[..., Case]) -> None:
     assert all(math.isnan(number(found, name)) for name in found.values if name not in others)
 
 
-def test_a_step_into_the_goal_counts_to_its_circle(make_case: Callable[..., Case]) -> None:
-    # 500 m are no whole number of steps.
-    case = make_case(start=[0.0, 51.0], goal=[0.0, 611.0])
-    found = measure(case, (STRAIGHT, 34))
-    assert number(found, "path_ratio") == pytest.approx(1.0, abs=1e-6)
-    assert number(found, "time_ratio") == pytest.approx(34 * 15 / 500)
-
-
 def test_dcpa_and_tcpa_are_those_of_the_manoeuvre() -> None:
     case = load_case("imazu02", WORLD)
     late = measure(case, (STRAIGHT, 12), (STARBOARD, 8), (STRAIGHT, 15))

@@ -49,21 +49,6 @@ def test_a_network_sees_its_own_pictures_in_any_environment(
     assert torch.equal(episode.q_values[0], wanted[0])
 
 
-def test_in_a_mixed_suite_each_row_is_seen_as_its_own_case(world: World) -> None:
-    suite = load_suite("paper", world)
-    env = make_env(suite, world, 20, generator=Generator().manual_seed(0))
-    policy = load_policy("pretrained:4", env)
-    acted = policy(env.reset())
-    alone = {}
-    for case in suite.cases:
-        single = make_env(case, world)
-        alone[case.name] = load_policy("pretrained:4", single)(single.reset())["action_value"][0]
-    rows = acted["action_value"]
-    seen = {name for row in rows for name, q in alone.items() if torch.allclose(row, q, atol=1e-4)}
-    assert all(any(torch.allclose(row, q, atol=1e-4) for q in alone.values()) for row in rows)
-    assert len(seen) > 4 and not torch.allclose(alone["4"], alone["6"], atol=1e-2)
-
-
 def test_best_known_follows_the_plan_of_each_case(world: World) -> None:
     suite = load_suite("paper", world)
     starts = Starts(suite, world).states

@@ -1,7 +1,6 @@
 """The returns that scores refer to: best known plans, searched for once and checked, and random actions."""
 
 import json
-from dataclasses import replace
 from pathlib import Path
 
 import pytest
@@ -78,18 +77,6 @@ def test_of_a_suite_the_mean_is_known_unless_its_starts_are_drawn() -> None:
     assert reference.best_known_return(suite_of(paper.cases[3]), WORLD) == returns[3]
     drawn = Perturbation(own_heading=1.0)
     assert reference.best_known_return(suite_of(paper.cases[3], drawn), WORLD) is None
-
-
-def test_a_table_of_other_actions_or_a_broken_one_has_no_plan(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    (case, *_) = load_suite("traffic_test", WORLD).cases
-    assert reference.known_plan(case, WORLD) is not None
-    assert reference.known_plan(case, replace(WORLD, actions=WORLD.actions[3:4])) is None
-    (tmp_path / "suite").mkdir()
-    (tmp_path / "suite/broken.csv").write_text("name")
-    monkeypatch.setattr(reference, "conf_dir", lambda: tmp_path)
-    assert reference.table_plans.__wrapped__() == {}
 
 
 def test_where_holding_course_is_best_nothing_is_avoided() -> None:

@@ -125,14 +125,6 @@ def test_a_case_that_is_not_there(name: str, world: World) -> None:
     assert "\n" not in str(error.value)
 
 
-@pytest.mark.parametrize("ending", ["yaml", "yml"])
-def test_a_users_case_by_path(ending: str, tmp_path: Path, world: World) -> None:
-    path = tmp_path / f"mine.{ending}"
-    path.write_text(GOOD)
-    case = load_case(str(path), world)
-    assert case.name == "mine" and case.target_ships[0].y == 300.0
-
-
 def test_a_users_case_by_name(tmp_path: Path, world: World) -> None:
     folder = tmp_path / "conf" / "case"
     folder.mkdir(parents=True)
@@ -162,15 +154,6 @@ def test_a_goal_at_the_end_of_the_last_step_is_reached(tmp_path: Path, world: Wo
     assert load_text(with_value("goal", "[0.0, 960.0]"), tmp_path, world).goal == [0.0, 960.0]
     with pytest.raises(ConfigError, match=r"901 m .* 60 steps \(world.max_steps\) of 1 s at up to 15 m/s"):
         load_text(with_value("goal", "[0.0, 961.0]"), tmp_path, world)
-
-
-def test_a_number_in_base_60_is_refused_with_file_and_line(tmp_path: Path, world: World) -> None:
-    written = "3:30"
-    with pytest.raises(ConfigError, match=rf"mine.yaml: .*{written} is no decimal number.* line 2,"):
-        load_text(with_value("heading", written), tmp_path, world)
-    # As text it stands in quotes; other words are taken as they are written.
-    for name in (f'"{written}"', "2024_05_01", "010", "0x1F"):
-        assert load_text(with_value("ideal_path", name), tmp_path, world).ideal_path == name.strip('"')
 
 
 @pytest.mark.parametrize(("course", "heading"), [("000", 90), ("135", -45), ("225", 225), ("360", 90)])

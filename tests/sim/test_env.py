@@ -13,7 +13,6 @@ from ship_trl.config.types import Margin, World
 from ship_trl.fast.worlds import make_env
 from ship_trl.sim.cases import Case, load_case
 from ship_trl.sim.env import ShipEnv
-from ship_trl.sim.state import STEP
 
 CASES = ["1", "6"]
 MakeCase = Callable[..., Case]
@@ -117,18 +116,6 @@ def test_stepping_and_resetting_equals_torchrls(world: World) -> None:
             assert keys <= set(left.keys(True, True))
             assert all(torch.equal(left[key], right[key]) for key in keys)
     assert ended > 8
-
-
-def test_the_last_step_keeps_its_final_state(world: World) -> None:
-    env = make_env(load_case("3", world), world, 2, from_pixels=True)
-    step = env.reset()
-    for _ in range(19):
-        done, step = env.step_and_maybe_reset(step.set("action", torch.tensor([3, 0])))
-    assert done["next", "collision"].squeeze(-1).tolist() == [True, False]
-    assert done["next", "state"][0, 1] == pytest.approx(285.0) and done["next", "state"][0, STEP] == 19
-    assert step["state"][:, STEP].tolist() == [0, 19] and not bool(step["done"].any())
-    assert not torch.equal(done["next", "pixels"][0], step["pixels"][0])
-    assert math.isinf(float(step["dcpa"][0])) and float(done["next", "dcpa"][0]) < 45
 
 
 def test_steps_do_not_share_memory(world: World) -> None:

@@ -12,7 +12,6 @@ from ship_trl.config.errors import ConfigError
 from ship_trl.fast.worlds import make_step
 from ship_trl.sim.cases import (
     GIVES_WAY,
-    GIVING_WAY,
     HOLDS_COURSE,
     Behaviour,
     Case,
@@ -93,19 +92,6 @@ def test_a_ship_that_stands_on_or_passes_clear_holds_its_course(ship: Ship, fast
     assert reacting[0] == holding[0]
     assert torch.equal(reacting[1][:-1], holding[1][:-1])
     assert float(reacting[1][OWN_SIZE + SHIP_BEHAVIOUR]) in (GIVES_WAY, HOLDS_COURSE)
-
-
-@pytest.mark.parametrize("fast", [False, True])
-def test_it_begins_within_the_horizon_and_ends_when_the_ships_have_passed(fast: bool) -> None:
-    behaviours, state = [], scene(NO_RISK["later"])
-    for _ in range(50):
-        state = passing(state, fast, 1)[1]
-        behaviours.append(float(state[OWN_SIZE + SHIP_BEHAVIOUR]))
-    # 30 m/s close 1000 m in 33.3 s, the horizon is 20 s.
-    begin, end = behaviours.index(GIVING_WAY), len(behaviours) - behaviours[::-1].index(GIVING_WAY)
-    assert begin == 14 and 30 <= end <= 36
-    assert set(behaviours[:begin] + behaviours[end:]) == {GIVES_WAY}
-    assert set(behaviours[begin:end]) == {GIVING_WAY}
 
 
 def random_states(count: int, seed: int) -> Tensor:

@@ -6,7 +6,7 @@ from functools import partial
 
 import pytest
 import torch
-from torch import Generator, Tensor
+from torch import Generator
 from torchrl.envs import ParallelEnv, SerialEnv
 from torchrl.envs.batched_envs import BatchedEnvBase
 
@@ -101,25 +101,6 @@ def test_a_perturbation_that_leaves_no_start_is_refused(world: World) -> None:
     tight = replace(world, goal_distance=100.0)
     with pytest.raises(ConfigError, match="perturbation: too large"):
         Starts(wide, tight).sample(5, draw())
-
-
-def run(env: ShipEnv, steps: int) -> Tensor:
-    """Return the states before each of some random steps, [steps, N, S]."""
-    current, actions, states = env.reset(), draw(9), []
-    for _ in range(steps):
-        states.append(current["state"])
-        action = torch.randint(7, env.batch_size, generator=actions)
-        _, current = env.step_and_maybe_reset(current.set("action", action))
-    return torch.stack(states)
-
-
-def test_the_same_seed_gives_the_same_episodes(world: World) -> None:
-    suite = replace(load_suite("paper", world), perturbation=BOUNDS)
-    one, same, other = (run(make_env(suite, world, 6, generator=draw(k)), 80) for k in (1, 1, 2))
-    assert torch.equal(one, same) and not torch.equal(one, other)
-    env = make_env(suite, world, 6)
-    env.set_seed(1)
-    assert torch.equal(run(env, 80), one)
 
 
 @pytest.mark.parametrize("kind", [SerialEnv, pytest.param(ParallelEnv, marks=pytest.mark.long)])

@@ -111,18 +111,3 @@ def test_the_environment_fits_torchrl_and_begins_each_episode_with_its_own_scene
 def test_bounds_that_no_ship_keeps_are_refused(world: World) -> None:
     with pytest.raises(ConfigError, match="traffic: nearly no ship keeps these bounds"):
         scenes(world, count=1, distance=[600.0, 600.1], ships=[0.0, 1.0])
-
-
-@pytest.mark.parametrize(
-    ("changes", "message"),
-    [
-        ({"max_steps": 10}, "the goal is 600 m away: own ship is there at once or never"),
-        ({"goal_distance": 700.0}, "the goal is 600 m away: own ship is there at once or never"),
-        ({"safe_distance": 60.0}, "distance: must begin at the safe distance of 60 m or more, got 54"),
-    ],
-)
-def test_worlds_in_which_no_scene_makes_sense_are_refused(
-    changes: dict[str, Any], message: str, world: World
-) -> None:
-    with pytest.raises(ConfigError, match=message):
-        make_starts(load_suite("traffic", world), replace(world, **changes))

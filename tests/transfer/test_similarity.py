@@ -51,10 +51,3 @@ def test_distance_is_a_metric(a: Case, b: Case, c: Case) -> None:
     assert distance(a, a, WORLD) == 0.0
     assert distance(a, b, WORLD) == pytest.approx(distance(b, a, WORLD))
     assert distance(a, c, WORLD) <= distance(a, b, WORLD) + distance(b, c, WORLD) + 1e-9
-
-
-def test_headings_are_compared_modulo_360_degrees() -> None:
-    case = BUNDLED["3"]
-    ship = case.target_ships[0]
-    turned = dataclasses.replace(case, target_ships=[dataclasses.replace(ship, heading=ship.heading - 360)])
-    assert similarity(case, turned) == 1.0

@@ -131,15 +131,6 @@ def test_a_grid_uses_all_cores_and_trains_a_source_once(tmp_path: Path) -> None:
     assert len(list((tmp_path / "outputs/smoke/case_base/1/scratch").glob("seed=0-*"))) == 1
 
 
-def test_an_own_network_is_one_file(tmp_path: Path) -> None:
-    (tmp_path / "conf/network").mkdir(parents=True)
-    (tmp_path / "conf/network/mine.yaml").write_text("conv: [[6, 7, 3], [8, 5, 2], [10, 11, 1]]\nhidden: 9\n")
-    line = ("--config-dir", "conf", "network=mine", "profile=smoke", "+pair=high")
-    ship_trl(*line, "method=feature_extraction", "layers=3", folder=tmp_path)
-    result = tmp_path / "outputs/smoke/high/FE3/seed=0/result.json"
-    assert json.loads(result.read_text())["arm"] == "FE3"
-
-
 def test_an_own_case_is_one_file(tmp_path: Path) -> None:
     (tmp_path / "conf/case").mkdir(parents=True)
     text = (ROOT / "conf/case/2.yaml").read_text().replace("-300.0", "-280.0")

@@ -60,15 +60,6 @@ def test_a_suite_is_its_cases_in_turn(capsys: pytest.CaptureFixture[str]) -> Non
     assert kept["success"] == "43% (16 to 75)" and (kept["episodes"], drawn["episodes"]) == ("7", "14")
 
 
-def test_rows_by_class_of_encounter(capsys: pytest.CaptureFixture[str]) -> None:
-    whole, *classes = scores(capsys, "keep_course", "target=paper", "--by", "class")
-    assert [row["suite"] for row in classes] == ["paper: give way", "paper: none", "paper: stand on"]
-    assert sum(int(row["episodes"]) for row in classes) == int(whole["episodes"]) == 7
-    # Within 90 degrees, reciprocal courses are head-on.
-    _, *wide = scores(capsys, "keep_course", "target=paper", "--by", "class", "--head-on", "90")
-    assert "paper: head-on" in [row["suite"] for row in wide]
-
-
 def test_a_row_of_each_episode_and_a_sheet_of_their_paths(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
@@ -95,18 +86,6 @@ def test_perturbed_starts_are_drawn_with_the_seed(capsys: pytest.CaptureFixture[
     assert {**one, "ms": ""} == {**again, "ms": ""} != {**other, "ms": ""}
     assert one["suite"] == "2, perturbed" and one["of best known"] == "-"
     assert not one["collision"].startswith("0%")
-
-
-def test_what_a_run_on_a_suite_claims(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    words = ["method=scratch", *LINE[2:], "learn.evaluate_episodes=3"]
-    ship_trl("target=paper", *words, "output=suite", folder=tmp_path)
-    rows = scores(capsys, str(tmp_path / "suite/paper"))
-    assert all(row["suite"] == "paper" and row["return"] == row["claimed"] for row in rows)
-    assert len(rows) == 2
-    ship_trl("target=2", *words, "output=drawn", "perturbation.own_position=50", folder=tmp_path)
-    rows = scores(capsys, str(tmp_path / "drawn/2"), "--episodes", "3")
-    # It was evaluated on other starts.
-    assert [(row["suite"], row["claimed"]) for row in rows] == 2 * [("2, perturbed", "")]
 
 
 def test_a_result_folder_is_what_it_claims(trained: Path, capsys: pytest.CaptureFixture[str]) -> None:

@@ -67,15 +67,6 @@ def test_runs_of_ours_have_success_and_forgetting(capsys: pytest.CaptureFixture[
     assert rows["FT3 - scratch"][-3:] == ["+1.00", "-", "+0.00"]
 
 
-def test_every_return_counts(capsys: pytest.CaptureFixture[str]) -> None:
-    # 50,000 episodes whose returns swing by 1 around 0 and 0.1.
-    for name, level in (("a.csv", 0.0), ("b.csv", 0.1)):
-        lines = [f"{step},{level + (-1) ** step}" for step in range(1, 50_001)]
-        Path(name).write_text("\n".join(["step,return", *lines]) + "\n")
-    rows, _ = table(capsys, "a=a.csv", "b=b.csv", "--low", "0", "--high", "1")
-    assert rows["a"][3] in ("0.00", "-0.00") and rows["b"][3] == "0.10"
-
-
 def test_one_run_has_no_interval_and_every_run_its_row(capsys: pytest.CaptureFixture[str]) -> None:
     write("one.csv", 0.1, seeds=1)
     write("two.csv", 0.1, seeds=2)
@@ -96,22 +87,6 @@ def test_a_pattern_is_several_files(capsys: pytest.CaptureFixture[str]) -> None:
         write(name, 0.1, seeds=1)
     rows, _ = table(capsys, "a=x*.csv", "b=y.csv")
     assert (rows["a"][0], rows["b"][0]) == ("2", "1")
-
-
-def test_two_stars_reach_all_depths(capsys: pytest.CaptureFixture[str]) -> None:
-    for name in ("logs/x.csv", "logs/a/x.csv", "logs/a/b/x.csv"):
-        Path(name).parent.mkdir(exist_ok=True)
-        write(name, 0.1, seeds=1)
-    rows, _ = table(capsys, "a=logs/**/x.csv")
-    assert rows["a"][0] == "3"
-
-
-def test_late_evaluations_are_no_resumed_run(capsys: pytest.CaptureFixture[str]) -> None:
-    lines = [f"{100 * k},{k}" for k in range(1, 11)]
-    Path("few.csv").write_text("\n".join(["step,return", *lines]))
-    rows, _ = table(capsys, "a=few.csv", "--low", "-1e3", "--high", "1_000")
-    # A mean return of 5.5.
-    assert rows["a"][3] == "0.50"
 
 
 def test_runs_of_ours_have_the_scale_of_results(capsys: pytest.CaptureFixture[str]) -> None:
@@ -138,16 +113,14 @@ def test_runs_of_ours_have_the_scale_of_results(capsys: pytest.CaptureFixture[st
 @pytest.mark.parametrize(
     ("words", "told"),
     [
-        (["slow.csv"], "metrics: allowed: NAME=FILE, got slow.csv"),
+        (["slow.csv"], "results: allowed: NAME=FILE, got slow.csv"),
         (["a=none*.csv"], "a: no file none*.csv"),
         (["a=slow.csv", "--low", "5", "--high", "5"], "--low: must be below --high, got 5 and 5"),
         (["a=slow.csv", "b=slow.csv"], "b: slow.csv is given twice; allowed: each run once"),
-        (["a=slow.csv", "b=./slow.csv"], "b: ./slow.csv is given twice; allowed: each run once"),
         (["a=slow.csv", "b=link.csv"], "b: link.csv is given twice; allowed: each run once"),
         (["a=slow.csv", "b=late.csv"], "b: late.csv has fewer than 10 returns in the first 1,000 steps"),
         (["a=slow.csv", "b=resumed.csv"], "b: resumed.csv begins at step 500 of the 1,000"),
         (["a=slow.csv", "--threshold", "2"], "--threshold: must be"),
-        (["a=slow.csv", "--low", "-1e10"], "--low: must be"),
     ],
 )
 def test_wrong_words_are_refused(words: list[str], told: str, capsys: pytest.CaptureFixture[str]) -> None:

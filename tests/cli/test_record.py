@@ -32,18 +32,6 @@ def test_a_film_and_a_chart(tmp_path: Path, capsys: pytest.CaptureFixture[str]) 
     assert sorted(path.name for path in tmp_path.iterdir()) == ["film.gif", "paths.png"]
 
 
-def test_frames_of_several_policies_come_one_after_the_other() -> None:
-    line = "target=4 --fps 1 --speed 10 --size 640x360"
-    for words, folder in (("keep_course", "one"), ("random", "other"), ("keep_course random", "both")):
-        main([*words.split(), *line.split(), "--output", folder])
-    one, other, both = (
-        [np.asarray(Image.open(path)) for path in sorted(Path(name).iterdir())]
-        for name in ("one", "other", "both")
-    )
-    assert len(both) == len(one) + len(other) > 4
-    assert all((a == b).all() for a, b in zip(both, one + other, strict=True))
-
-
 def test_a_network_of_numbers_has_a_film_without_saliency(capsys: pytest.CaptureFixture[str]) -> None:
     network = make_network(load_network("vector"), 7, Generator().manual_seed(0))
     save_weights(Path("vector.safetensors"), network, {})

@@ -72,22 +72,6 @@ def test_a_copy_is_no_further_seed(tmp_path: Path, capsys: pytest.CaptureFixture
     assert capsys.readouterr().out.count("scratch | 1 | 30.0 |") == 2
 
 
-def test_parts_of_a_study_are_rows_of_their_own(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    write(tmp_path, 0, 10.0)
-    write(tmp_path / "reuse/epsilon_low", 0, 20.0)
-    write(tmp_path / "reuse/epsilon_1", 0, 30.0)
-    aside = tmp_path / "4/scratch/damaged-1-seed=1"
-    write(tmp_path, 1, 40.0)
-    (tmp_path / "4/scratch/seed=1").rename(aside)
-    main([str(tmp_path), "--markdown"])
-    rows = [row.split(" | ")[:3] for row in capsys.readouterr().out.splitlines()[2:5]]
-    assert rows == [
-        ["| 4 scratch", "1", "10.0"],
-        ["| reuse/epsilon_1/4 scratch", "1", "30.0"],
-        ["| reuse/epsilon_low/4 scratch", "1", "20.0"],
-    ]
-
-
 def write_rows(folder: Path, seed: int, rows: list[tuple[str, int, float]]) -> None:
     """A learning curve of rows kind, episode and return."""
     table = pd.DataFrame(rows, columns=["kind", "episode", "return"])
@@ -131,25 +115,6 @@ def test_two_folders_are_tested_against_each_other(
     assert "| 4 scratch | 1.0 2.0 3.0 4.0 | 51.0 52.0 53.0 54.0 | 0.03 |" in capsys.readouterr().out
     main([str(tmp_path / "a"), str(tmp_path / "c"), "--markdown", "--test"])
     assert "| 4 scratch | 1.0 2.0 3.0 4.0 | 1.0 2.0 3.0 4.0 | 1.00 |" in capsys.readouterr().out
-
-
-def test_a_test_needs_two_folders(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    curve(tmp_path, 0, [1.0])
-    with pytest.raises(SystemExit) as caught:
-        main([str(tmp_path), "--test"])
-    assert caught.value.code == 1 and "--test: two folders are needed, got 1" in capsys.readouterr().err
-
-
-def test_returns_on_the_source_are_a_column(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    write(tmp_path, 0, 30.0)
-    place = tmp_path / "4/FT3/seed=0"
-    place.mkdir(parents=True)
-    source = SourceReturns(83.94, -300.0, 20.5, -10.0, -203.3, None)
-    a_result(pair="4", target="4", on_source=source).write(place)
-    main([str(tmp_path), "--markdown", "--all"])
-    heading, _, ft3, scratch = capsys.readouterr().out.splitlines()[:4]
-    assert heading.endswith("| return on the source, its network > at the end, by seed |")
-    assert ft3.endswith("| 83.9 > -10.0 |") and scratch.endswith("| - |")
 
 
 def test_the_usual_metrics_of_transfer_are_one_table(

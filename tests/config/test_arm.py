@@ -1,10 +1,8 @@
 """Arms: their names, their order, and which layers they copy and freeze."""
 
-from dataclasses import replace
-
 import pytest
 
-from ship_trl.config.arm import SCRATCH, Arm, SourceWeights, TransferMethodName
+from ship_trl.config.arm import Arm, SourceWeights, TransferMethodName
 from tests.config.test_config import composed
 
 FIGURES = (
@@ -77,12 +75,6 @@ def test_an_arm_knows_what_is_copied_and_frozen(
 ) -> None:
     arm = Arm.parse(name)
     assert (arm.copied(LAYERS, CONVS), arm.frozen_layers, arm.has_trained_source) == (copied, frozen, trained)
-
-
-def test_a_control_is_the_arm_with_other_weights() -> None:
-    assert replace(Arm.parse("FE3"), weights=SourceWeights.random) == Arm.parse("FE3-random")
-    with pytest.raises(ValueError, match="no arm has"):
-        replace(SCRATCH, weights=SourceWeights.random)
 
 
 def test_demonstrations_change_the_label_and_not_the_arm() -> None:

@@ -6,7 +6,6 @@ from typing import Any
 
 import pytest
 from hydra import compose, initialize_config_dir
-from hydra.types import RunMode
 from omegaconf import OmegaConf
 
 from ship_trl.config.algorithm import ignored_keys, non_default_algorithm
@@ -122,17 +121,6 @@ def test_every_launcher_composes(launcher: str) -> None:
         chosen = compose("config", line, return_hydra_config=True).hydra.launcher
     classes = {"slurm": "SlurmLauncher", "slurm_local": "LocalLauncher"}
     assert chosen._target_.endswith(classes.get(launcher, "RayLauncher"))
-
-
-@pytest.mark.parametrize("sweep", options("sweep"))
-def test_every_sweep_composes(sweep: str) -> None:
-    with initialize_config_dir(str(conf_dir()), version_base="1.3"):
-        found = compose("config", [*HIGH, f"+sweep={sweep}"], return_hydra_config=True)
-    sweeper = found.hydra.sweeper
-    assert sweeper._target_.endswith("OptunaSweeper") and sweeper.direction == "maximize"
-    assert found.hydra.mode is RunMode.MULTIRUN
-    for key in sweeper.params:
-        assert OmegaConf.select(found, key) is not None, key
 
 
 def test_every_group_is_known() -> None:

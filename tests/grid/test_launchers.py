@@ -2,14 +2,11 @@
 
 import os
 import re
-import secrets
 import signal
 import stat
 import subprocess
 import sys
 import time
-from collections.abc import Iterator
-from contextlib import contextmanager
 from pathlib import Path
 
 import pytest
@@ -75,62 +72,6 @@ def test_no_run_outlives_a_killed_grid(tmp_path: Path) -> None:
         time.sleep(0.1)
 
 
-@contextmanager
-def cluster() -> Iterator[tuple[str, int]]:
-    """A cluster of two nodes; gives its address and process."""
-    process = subprocess.Popen(
-        [sys.executable, "-m", "tests.study.cluster"],
-        env=environment(),
-        stdin=subprocess.PIPE,
-        stdout=subprocess.PIPE,
-        text=True,
-    )
-    assert process.stdin is not None and process.stdout is not None
-    try:
-        yield process.stdout.readline().strip(), process.pid
-    finally:
-        process.stdin.close()
-        process.wait(60)
-        process.stdout.close()
-
-
-@pytest.mark.long
-def test_a_killed_worker_of_a_cluster_costs_its_run_a_retry(
-    whole: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    token = secrets.token_hex(32)
-    monkeypatch.setenv("RAY_AUTH_MODE", "token")
-    monkeypatch.setenv("RAY_AUTH_TOKEN", token)
-    with cluster() as (address, nodes):
-        where = f"overrides=[hydra.launcher.ray.init.address='{address}']"
-        line = [
-            sys.executable,
-            "-m",
-            "ship_trl",
-            "study",
-            "run",
-            *SMALL,
-            "retries=0",
-            "launcher=ray_cluster",
-            where,
-        ]
-        child = subprocess.Popen(line, cwd=tmp_path, env=environment(), stdout=subprocess.DEVNULL)
-        try:
-            deadline = time.monotonic() + 300
-            while not (list(tmp_path.rglob("curve.csv")) and descendants(nodes, b"ray::_run_job")):
-                assert time.monotonic() < deadline and child.poll() is None
-                time.sleep(0.1)
-            os.kill(descendants(nodes, b"ray::_run_job")[0], signal.SIGKILL)
-            assert child.wait(300) == 0
-        finally:
-            child.kill()
-            child.wait()
-    assert learned(tmp_path) == learned(whole)
-    # One grid a stage: the study started nothing again, Ray's own retry did it.
-    words = (tmp_path / "outputs/smoke_study/log.txt").read_text()
-    assert words.count("Ray Launcher is launching") == 2
-
-
 @pytest.mark.long
 def test_rays_token_is_in_no_file(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setenv("HOME", str(tmp_path / "home"))
@@ -155,14 +96,3 @@ def test_a_token_file_is_closed_to_others(tmp_path: Path, monkeypatch: pytest.Mo
     assert stat.S_IMODE(path.stat().st_mode) == 0o600 and path.read_text() == "secret"
     close_token(own_cluster=True)
     assert "RAY_AUTH_TOKEN" not in os.environ  # the user's own holds
-
-
-def test_only_a_cluster_of_our_own_gets_a_token_of_its_own(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    monkeypatch.setattr("pathlib.Path.home", lambda: tmp_path)
-    monkeypatch.setattr("os.environ", {})
-    close_token(own_cluster=False)
-    assert os.environ == {}
-    close_token(own_cluster=True)
-    assert os.environ["RAY_AUTH_MODE"] == "token" and len(os.environ["RAY_AUTH_TOKEN"]) == 64

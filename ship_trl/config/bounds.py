@@ -11,10 +11,8 @@ from typing import Annotated
 from pydantic import Field
 
 from ship_trl.config.paths import MAX_PATH_BYTES, MAX_PATH_NAME_BYTES, is_path
-from ship_trl.config.schema import rule
+from ship_trl.config.schema import MAX_INTEGER, rule
 
-# The largest integer that torch and the files of a run can hold.
-MAX_INTEGER = 2**63 - 1
 # Side in pixels of the picture that the network sees.
 PICTURE = 84
 # Numbers in the vector that it sees: of own ship, and of each target ship.

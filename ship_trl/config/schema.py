@@ -22,6 +22,8 @@ from pydantic_core import PydanticCustomError
 from ship_trl.config.errors import ConfigError, explain
 
 T = TypeVar("T")
+# The largest integer that torch and the files of a run can hold.
+MAX_INTEGER = 2**63 - 1
 UNIONS = (typing.Union, types.UnionType)
 NAMES = {"ge": "at least", "gt": "above", "le": "at most"}
 # What is allowed, by how the types of pydantic's errors begin.
@@ -32,6 +34,7 @@ ALLOWED = {
     "bool": "true or false",
     "string": "plain text",
     "list": "a list, as [A,B] or []",
+    "dict": "a group",
 }
 # Names in files are often numbers, as cases are; infinity and NaN are no values.
 READING = ConfigDict(coerce_numbers_to_str=True, allow_inf_nan=False)
@@ -103,17 +106,19 @@ def explain_invalid(hint: Any, key: str, error: Any, show: Callable[[Any], str])
         allowed = f"a group of {', '.join(keys_at(hint, path))}"
     elif kind == "enum":
         allowed = f"one of {context['expected'].replace(' or ', ', ')}".replace("'", "")
-    elif bounds := bounds_of(hint_at(hint, path)) if kind.startswith(("greater", "less")) else "":
+    elif kind.startswith(("greater", "less")) and (bounds := bounds_of(hint_at(hint, path), kind)):
         allowed = bounds
     else:
         allowed = ALLOWED.get(kind.split("_")[0]) or str(error["msg"]).removeprefix("Input should be ")
     return f"{name}: must be {allowed}, got {show(got)}".removeprefix(": ")
 
 
-def bounds_of(hint: Any) -> str:
-    """Describe the bounds of a number, as "from 0 to 1" or "above 0"."""
+def bounds_of(hint: Any, kind: str) -> str:
+    """Describe the bounds of a number, as "from 0 to 1" or "above 0"; `kind` is of pydantic's error."""
     rules = [rule for field in typing.get_args(hint)[1:] for rule in getattr(field, "metadata", ())]
     found = {name: getattr(rule, name) for rule in rules for name in NAMES if hasattr(rule, name)}
+    if found.get("le") == MAX_INTEGER and kind.startswith("greater"):
+        del found["le"]
     words = {name: str(end) if isinstance(end, int) else f"{end:g}" for name, end in found.items()}
     if found.keys() == {"ge", "le"}:
         return f"from {words['ge']} to {words['le']}"

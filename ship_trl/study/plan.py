@@ -197,6 +197,7 @@ def check(config: StudyConfig) -> None:
             Arm.parse(name)
         except ValueError:
             raise ConfigError(f"arms: no {name}; allowed: {ARM_NAMES}") from None
+    check_names("arms", config.arms, config.arms)
     check_names("launcher", [config.launcher], list(LAUNCHERS))
     check_logger(config.logger)
     if find_spec(f"hydra_plugins.{LAUNCHERS[config.launcher]}") is None:

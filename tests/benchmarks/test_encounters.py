@@ -66,7 +66,7 @@ def test_a_page_is_written_only_where_one_is_named(tmp_path: Path) -> None:
         ("vo target=nowhere", "target: no case or suite nowhere"),
         ("nobody target=paper", "policy: no nobody; allowed: random, keep_course"),
         ("vo target=paper --episodes 0", "--episodes: must be at least 1"),
-        ("vo target=paper --head-on 91", "--head-on: must be above 0 and at most 90 (degrees), got 91"),
+        ("vo target=paper --head-on 91", "--head-on: must be above 0 and at most 90, got 91"),
         ("vo target=paper --markdown no/x.md", "--markdown: no folder"),
         ("vo target=paper --markdown x.txt", "--markdown: must be a name that ends with .md"),
     ],

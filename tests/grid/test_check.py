@@ -15,7 +15,7 @@ SCRATCH = ("-m", "profile=smoke", "target=1", "method=scratch")
 @pytest.mark.parametrize(
     ("words", "said"),
     [
-        (["seed=0,-1"], "seed: must be from 0 to"),
+        (["seed=0,-1"], "seed: must be at least 0, got -1"),
         (["target=1,99"], "target: no case or suite 99; allowed: 1, 2, "),
         (["learn.gamma=2"], "learn.gamma: must be from 0 to 1, got 2"),
         (["learn.lr=0.001,abc"], "learn.lr: must be a finite number, got abc"),

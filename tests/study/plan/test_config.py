@@ -4,6 +4,7 @@ from pathlib import Path
 
 import pytest
 
+from ship_trl.config.arm import Arm
 from ship_trl.config.errors import ConfigError
 from ship_trl.study.plan import (
     CONTROL_ARMS,
@@ -90,7 +91,7 @@ def test_every_control_composes_and_says_what_it_is() -> None:
     for arm in (*CONTROL_ARMS, *FIRST_BLOCK_ARMS):
         assert composed("+pair=low", f"+arm={arm}").arm.name == arm
     for pair, arms in (*CONTROL_PAIRS.items(), *FIRST_BLOCK_PAIRS.items()):
-        assert set(arms) <= set(options("arm")) and pair in options("pair")
+        assert [Arm.parse(arm).name for arm in arms] == list(arms) and pair in options("pair")
 
 
 def test_text_stays_as_typed_and_digits_are_decimals() -> None:

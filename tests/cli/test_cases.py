@@ -43,15 +43,6 @@ def test_cases_command_recommends_a_source(tmp_path: Path) -> None:
     assert done.stderr.count("\n") == 1
 
 
-def test_a_suite_is_shown_on_a_page(capsys: pytest.CaptureFixture[str]) -> None:
-    main(["target=imazu"])
-    out = capsys.readouterr().out
-    assert all(f"imazu{number:02d} " in out for number in range(1, 23)) and "Similarity of every" not in out
-    assert out.splitlines()[-1] == "outputs/cases_imazu.png"
-    with Image.open("outputs/cases_imazu.png") as picture:
-        assert picture.width == 1200 and picture.height > 1000
-
-
 def test_random_encounters_are_shown_by_their_seeds(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:

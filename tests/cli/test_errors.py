@@ -7,18 +7,15 @@ from pathlib import Path
 
 import pytest
 import torch
-from hydra.errors import HydraException
 from safetensors.torch import load_file
 from torch import Generator
 
-from ship_trl.config.errors import missing_extra
 from ship_trl.config.types import Precision
-from ship_trl.grid.compose import explain_hydra
 from ship_trl.learn.backend import choose_dtype
 from ship_trl.learn.network import DuelingNetwork
 from ship_trl.run.plan import make_run
 from ship_trl.transfer.weights import permute_values
-from tests.command import ROOT, files, ship_trl
+from tests.command import files, ship_trl
 from tests.config.test_config import composed
 
 SMOKE = ("profile=smoke", "+pair=high", "method=finetune", "layers=3")
@@ -131,17 +128,6 @@ def test_a_grid_uses_all_cores_and_trains_a_source_once(tmp_path: Path) -> None:
     assert len(list((tmp_path / "outputs/smoke/case_base/1/scratch").glob("seed=0-*"))) == 1
 
 
-def test_an_own_case_is_one_file(tmp_path: Path) -> None:
-    (tmp_path / "conf/case").mkdir(parents=True)
-    text = (ROOT / "conf/case/2.yaml").read_text().replace("-300.0", "-280.0")
-    (tmp_path / "conf/case/mine.yaml").write_text(text)
-    # One that has the name of a shipped case is taken for it, and that is told.
-    (tmp_path / "conf/case/2.yaml").write_text(text)
-    told = ship_trl("profile=smoke", "source=mine", "target=2", "layers=1", folder=tmp_path).stdout
-    assert (tmp_path / "outputs/smoke/mine/scratch/seed=0/result.json").is_file()
-    assert told.count("not the bundled case of this name") == 1
-
-
 REFUSED = {
     "": "pair: none given",
     "+pair=banana layers=3": "pair: no banana; allowed: high, low, lowest",
@@ -176,15 +162,6 @@ def test_bad_input_is_one_line_and_leaves_everything(line: str, tmp_path: Path) 
     assert done.stderr.startswith(f"ship_trl: {REFUSED[line]}")
     assert done.stderr.count("\n") == 1
     assert files(tmp_path) == before
-
-
-@pytest.mark.parametrize(
-    ("plugin", "extra"), [("sweeper/optuna", "optuna"), ("launcher/submitit_slurm", "slurm")]
-)
-def test_a_plugin_that_is_not_installed_is_named_with_its_extra(plugin: str, extra: str) -> None:
-    kind, name = plugin.split("/")
-    error = HydraException(f"In 'sweep/learning_rate': Could not find 'hydra/{plugin}'\n\nAvailable options")
-    assert explain_hydra(error) == f"hydra/{kind}: {missing_extra(name, extra)}"
 
 
 @pytest.mark.parametrize("flags", [["--multirum", "target=1"], ["--config-dir"]])

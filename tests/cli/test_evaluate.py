@@ -80,14 +80,6 @@ def test_a_row_of_each_episode_and_a_sheet_of_their_paths(
     assert sorted(path.name for path in tmp_path.iterdir()) == ["all.csv", "all.png"]
 
 
-def test_perturbed_starts_are_drawn_with_the_seed(capsys: pytest.CaptureFixture[str]) -> None:
-    line = ("keep_course", "target=2", "perturbation.own_position=200", "--episodes", "50")
-    (one,), (again,), (other,) = (scores(capsys, *line, "--seed", seed) for seed in "001")
-    assert {**one, "ms": ""} == {**again, "ms": ""} != {**other, "ms": ""}
-    assert one["suite"] == "2, perturbed" and one["of best known"] == "-"
-    assert not one["collision"].startswith("0%")
-
-
 def test_a_result_folder_is_what_it_claims(trained: Path, capsys: pytest.CaptureFixture[str]) -> None:
     rows = table(capsys, str(trained))
     assert [row[1] for row in rows] == ["2 scratch seed 0, best", "2 scratch seed 0, final"]
@@ -96,18 +88,6 @@ def test_a_result_folder_is_what_it_claims(trained: Path, capsys: pytest.Capture
     assert table(capsys, str(network), "target=2")[0][2] == rows[0][2]
     # On another case nothing is claimed.
     assert table(capsys, str(trained), "target=1")[0][-1] == ""
-
-
-def test_a_network_of_numbers_needs_no_word_about_it(
-    tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
-    ship_trl(*LINE, "observation=vector", "output=runs", folder=tmp_path)
-    rows = table(capsys, "runs", "--gif", "film.gif")
-    assert len(rows) == 2 and all(row[0] == "2" and row[2] == row[-1] for row in rows)
-    with Image.open("film.gif") as film:
-        assert getattr(film, "n_frames", 0) == int(rows[1][6]) + 1
-    named = table(capsys, "runs/2/scratch/seed=0/policy.safetensors", "target=1,4")
-    assert [row[0] for row in named] == ["1", "4"]
 
 
 def test_a_folder_that_claims_more_is_refused(trained: Path, capsys: pytest.CaptureFixture[str]) -> None:

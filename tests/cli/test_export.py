@@ -1,8 +1,6 @@
 """A network as ONNX does what it does in torch, on a whole episode and on any batch."""
 
-import dataclasses
 import json
-import sys
 from pathlib import Path
 from typing import Any
 
@@ -12,12 +10,10 @@ import torch
 from torch import Generator, Tensor
 
 from ship_trl.cli.export import main
-from ship_trl.config.errors import ConfigError
 from ship_trl.config.network import describe_network, load_network
 from ship_trl.learn.network import DuelingNetwork, make_network
 from ship_trl.learn.rollout import Episode
 from ship_trl.policies import onnx as export
-from ship_trl.policies.onnx import compare
 from ship_trl.transfer.weights import save_weights
 from tests.command import refused, ship_trl
 from tests.learn.networks import network
@@ -91,19 +87,6 @@ def test_a_model_that_does_not_pass_is_not_written(
     assert (tmp_path / "q.onnx").read_text() == "mine" and len(list(tmp_path.iterdir())) == 2
 
 
-def test_episodes_are_alike_within_rounding() -> None:
-    assert EPISODE.q_values is not None
-    near = dataclasses.replace(EPISODE, q_values=EPISODE.q_values + 5e-4)
-    assert "on an episode of 2 steps: the same actions" in compare(EPISODE, near)
-    for change in (2e-3, float("nan")):
-        with pytest.raises(
-            ConfigError, match=r"^onnxruntime: Q-values of up to 10 differ by .*, allowed 1.0e-03"
-        ):
-            compare(EPISODE, dataclasses.replace(EPISODE, q_values=EPISODE.q_values + change))
-    with pytest.raises(ConfigError, match=r"^onnxruntime: chooses other actions"):
-        compare(EPISODE, dataclasses.replace(EPISODE, actions=torch.tensor([2, 4])))
-
-
 REFUSED = {
     "policy.safetensors q.pt target=4": "file: must be a name that ends with .onnx, got q.pt",
     "policy.safetensors q.onnx": "target: none given for policy.safetensors; allowed: target=CASE",
@@ -117,12 +100,3 @@ def test_wrong_input_is_one_line(line: str, tmp_path: Path, capsys: pytest.Captu
     saved(tmp_path / "policy.safetensors")
     assert refused(capsys, main, *line.split()).startswith(f"ship_trl: {REFUSED[line]}")
     assert [path.name for path in tmp_path.iterdir()] == ["policy.safetensors"]
-
-
-def test_a_missing_extra_is_named(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
-) -> None:
-    saved(tmp_path / "policy.safetensors")
-    monkeypatch.setitem(sys.modules, "onnxscript", None)
-    error = refused(capsys, main, "policy.safetensors", "q.onnx", "target=4")
-    assert error == "ship_trl: onnxscript is not installed; run: pip install -e '.[onnx]'\n"

@@ -4,15 +4,12 @@ import csv
 import re
 from pathlib import Path
 
-import numpy as np
 import pytest
 
 from ship_trl.cli.metrics import main
-from ship_trl.cli.results import main as results
 from ship_trl.files.record import SourceReturns
 from tests.a_result import a_result
 from tests.command import refused
-from tests.study.synthetic import write_run
 
 
 def write(name: str, slope: float, seeds: int = 3) -> None:
@@ -87,27 +84,6 @@ def test_a_pattern_is_several_files(capsys: pytest.CaptureFixture[str]) -> None:
         write(name, 0.1, seeds=1)
     rows, _ = table(capsys, "a=x*.csv", "b=y.csv")
     assert (rows["a"][0], rows["b"][0]) == ("2", "1")
-
-
-def test_runs_of_ours_have_the_scale_of_results(capsys: pytest.CaptureFixture[str]) -> None:
-    rng = np.random.default_rng(0)
-    for arm, level in (("scratch", 0.2), ("FT3", 0.5)):
-        for seed in range(3):
-            place = write_run(Path("out"), level + 0.2 * rng.random(200), arm=arm, seed=seed)
-            # Episodes of ten steps, so that areas over episodes and over steps are the same.
-            path = place / "curve.csv"
-            heading, *lines = path.read_text().splitlines()
-            lines = [f"{line},{10 * int(line.split(',')[0])}" for line in lines]
-            path.write_text("\n".join([f"{heading},steps", *lines]) + "\n")
-    rows, printed = table(capsys, "scratch=out/**/scratch/*/curve.csv", "FT3=out/**/FT3/*/curve.csv")
-    results(["out", "--transfer", "--markdown"])
-    told = capsys.readouterr().out
-    # The last table: the first has a row of this arm too.
-    *_, ft3 = [line.split(" | ") for line in told.splitlines() if line.startswith("| high FT3 | 3 |")]
-    assert ft3[-1].split()[0] == rows["FT3 - scratch"][-1].split()[0].lstrip("+")
-    scale = "0 is a return of -320, 1 is 80"
-    assert f"scores: {scale}; areas over the first 2,000 steps" in printed
-    assert f"scores on 2: {scale}\nareas over training episodes" in told
 
 
 @pytest.mark.parametrize(

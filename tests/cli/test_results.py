@@ -12,8 +12,6 @@ from ship_trl.files.curve import GREEDY, TRAINING, write_curve
 from ship_trl.files.record import SourceReturns
 from ship_trl.run.results import collect
 from tests.a_result import a_result, an_evaluation
-from tests.command import refused
-from tests.pasted import ODD, pasted, printed_commands
 from tests.study.synthetic import write_run
 
 
@@ -153,15 +151,3 @@ def test_runs_of_other_settings_are_not_pooled(tmp_path: Path, capsys: pytest.Ca
     assert sorted(rows) == names and rows[names[0]][-1].startswith("0.5") and rows[names[1]][-1] == "- |"
     assert pd.read_csv(files[1])["run"].value_counts().to_dict() == dict(zip(names, (2, 1, 2), strict=True))
     assert written.splitlines()[-2:] == files
-
-
-@pytest.mark.parametrize("name", ODD)
-def test_the_hint_to_a_report_keeps_odd_folders(
-    name: str, tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
-) -> None:
-    monkeypatch.chdir(tmp_path)
-    (tmp_path / name).mkdir()
-    (tmp_path / name / "runs.csv").write_text("")
-    (line,) = printed_commands(refused(capsys, main, f"./{name}"))
-    verb, action, folder = pasted(line.removesuffix(" reads them"))
-    assert (verb, action) == ("study", "report") and Path(folder) == Path(name)

@@ -55,12 +55,3 @@ def test_of_a_suite_the_failures_of_the_first_policy_come_first() -> None:
 )
 def test_wrong_input_is_refused(words: str, said: str, capsys: pytest.CaptureFixture[str]) -> None:
     assert said in refused(capsys, main, *words.split())
-
-
-def test_random_encounters_are_shown_by_their_first_seeds() -> None:
-    entries = split_suites(find_entries(["keep_course", "target=traffic"], False))
-    assert [entry.suite.name for entry in entries] == [f"traffic_{seed}" for seed in range(8)]
-    later = split_suites(find_entries(["keep_course", "target=traffic"], False), seed=3)
-    assert later[0].suite == entries[3].suite and later[-1].suite.name == "traffic_10"
-    # In the scene of seed 3 there is no target ship, so that keeping course reaches the goal.
-    assert failures_first(entries)[-1].case.target_ships == []

@@ -5,7 +5,6 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-from hydra import compose, initialize_config_dir
 from omegaconf import OmegaConf
 
 from ship_trl.config.algorithm import ignored_keys, non_default_algorithm
@@ -112,15 +111,6 @@ def test_whole_numbers_are_accepted_as_actions() -> None:
     )
     assert whole == real and all(type(v) is float for row in whole.world.actions for v in row)
     assert make_run(whole).config_hash == make_run(real).config_hash
-
-
-@pytest.mark.parametrize("launcher", options("hydra/launcher"))
-def test_every_launcher_composes(launcher: str) -> None:
-    with initialize_config_dir(str(conf_dir()), version_base="1.3"):
-        line = [*HIGH, f"hydra/launcher={launcher}"]
-        chosen = compose("config", line, return_hydra_config=True).hydra.launcher
-    classes = {"slurm": "SlurmLauncher", "slurm_local": "LocalLauncher"}
-    assert chosen._target_.endswith(classes.get(launcher, "RayLauncher"))
 
 
 def test_every_group_is_known() -> None:

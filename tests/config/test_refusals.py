@@ -168,11 +168,3 @@ def test_a_missing_case_or_file_is_refused(line: str) -> None:
     with pytest.raises(ConfigError) as caught:
         make_run(compose_config(*line.split()))
     assert str(caught.value).startswith(UNRUNNABLE[line])
-
-
-def test_an_output_that_is_a_file_is_refused(tmp_path: Path) -> None:
-    place = tmp_path / "taken"
-    place.write_text("mine")
-    with pytest.raises(ConfigError, match=r"output: .*taken is not a folder that can be written"):
-        make_run(compose_config(*HIGH, f"output={place}"))
-    assert place.read_text() == "mine"

@@ -67,11 +67,6 @@ def test_keys_of_text_take_the_word_as_typed() -> None:
     assert (config.seed, config.learn.lr, config.source) == (10, 1e-3, None)
 
 
-def test_files_that_hydra_reads_have_decimal_numbers() -> None:
-    config = composed("+experiment=2024_05_01")
-    assert (config.output, config.seed) == ("2024_05_01", 10)
-
-
 @pytest.mark.parametrize(
     ("word", "wanted"),
     [

@@ -13,19 +13,8 @@ import pytest
 
 from ship_trl.grid.callback import close_token
 from ship_trl.grid.launchers import JOBLIB
-from ship_trl.study.launch import batches, processes
-from ship_trl.study.plan import plan_jobs, to_study
 from tests.command import environment, files, ship_trl
 from tests.study.commands import SMALL, descendants, learned, study
-
-
-def test_local_submitit_gets_no_more_jobs_at_once_than_there_are_cores() -> None:
-    config = to_study(["launcher=slurm_local", "profile=smoke"])
-    jobs = plan_jobs(config)
-    parts = batches(jobs, config)
-    assert [job for part in parts for job in part] == jobs
-    assert max(map(len, parts)) == processes(config)
-    assert batches(jobs, to_study(["profile=smoke"])) == [jobs]
 
 
 @pytest.mark.long

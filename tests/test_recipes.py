@@ -30,7 +30,7 @@ RESULT = "outputs/smoke/2/scratch/seed=0"
 WORLD = "defaults: [paper, _self_]\nreward:\n  rudder: -10.0\n"
 COLLISION = "reward.w2 * reward.collision, lambda amount, step: amount * step.collided\n    ),\n"
 RUDDER = '    "rudder": Term(lambda reward: reward.rudder, lambda amount, step: amount * abs(step.turn)),\n'
-LOSSES = 'Loss = Enum("Loss", ["l2", "huber"'
+LOSSES = 'Loss = StrEnum("Loss", ["l2", "huber"'
 METRICS = "METRICS: dict[str, Callable[[RunRecord], float]] = {\n"
 LOSS = """\
     if kind is Loss.log_cosh:  # but for a constant

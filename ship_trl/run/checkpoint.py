@@ -1,4 +1,4 @@
-"""Checkpoints of a training: two safetensors files, written in turn. Headers are read without torch.
+"""Checkpoints of a training: two safetensors files, written in turn.
 
 The header names the run and holds a digest of the contents, because a truncated or corrupted file may still
 have an intact header.
@@ -10,11 +10,10 @@ import hashlib
 import json
 import shutil
 import time
-from collections.abc import Iterator, Mapping
-from contextlib import contextmanager, suppress
+from collections.abc import Mapping
 from dataclasses import asdict, dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 from safetensors import SafetensorError, safe_open
 
@@ -80,71 +79,56 @@ class Checkpoints:
         self.folder.mkdir(exist_ok=True)
         tensors = {name: value.contiguous() for name, value in tensors.items()}
         header = json.dumps(asdict(about) | {"digest": digest(tensors, about)})
-        with atomic_write(self._oldest_first()[0]) as draft:
+        with atomic_write(min(self._paths, key=written_at)) as draft:
             write_tensors(draft, tensors, {HEADER_KEY: header})
         self.begin(about.episode)
 
     def read(self, config_hash: str) -> tuple[tuple[About, dict[str, Tensor]] | None, dict[Path, str]]:
         """Return the newest intact checkpoint of a run or None, and what is wrong with damaged files."""
-        newest, damaged = None, {}
-        for path in filter(Path.exists, self._oldest_first()):
+        intact, damaged = [], {}
+        for path in filter(Path.exists, self._paths):
             try:
                 about, tensors = read(path)
             except CheckpointError as error:
                 damaged[path] = str(error)
             else:
-                newest = (about, tensors) if about.config_hash == config_hash else newest
-        return newest, damaged
-
-    def about(self) -> About | None:
-        """Return the newest readable header, or None; the tensors are not read."""
-        return max(map(read_about, reversed(self._paths)), key=steps_of)
+                intact += [(about, tensors)] if about.config_hash == config_hash else []
+        return max(intact, key=lambda one: one[0].steps, default=None), damaged
 
     def remove(self) -> None:
         """Delete the checkpoints, because the run is finished or starts over."""
         shutil.rmtree(self.folder, ignore_errors=True)
 
-    def _oldest_first(self) -> list[Path]:
-        """List both paths; a missing or unreadable file counts as the oldest."""
-        return sorted(self._paths, key=lambda path: steps_of(read_about(path)))
+
+def read_hashes(run: Path) -> set[str]:
+    """Return the config hashes of a run's checkpoints, "" for unreadable ones; torch is not needed."""
+    found = set()
+    for path in (run / FOLDER).glob("*.safetensors"):
+        try:
+            with safe_open(path, framework="numpy") as file:
+                found.add(str(json.loads(file.metadata()[HEADER_KEY])["config_hash"]))
+        except (SafetensorError, OSError, ValueError, RecursionError, LookupError, TypeError):
+            found.add("")
+    return found
 
 
-def steps_of(about: About | None) -> int:
-    """Return the environment steps before a checkpoint; -1 for None."""
-    return -1 if about is None else about.steps
-
-
-def read_about(path: Path) -> About | None:
-    """Read the header of a checkpoint; return None if it is missing or damaged."""
-    with suppress(CheckpointError), open_checkpoint(path, "numpy") as (_, about, _):
-        return about
-    return None
+def written_at(path: Path) -> int:
+    """Return when a file was written, in ns; 0 if it is missing."""
+    return path.stat().st_mtime_ns if path.exists() else 0
 
 
 def read(path: Path) -> tuple[About, dict[str, Tensor]]:
-    """Read a checkpoint; raise a `CheckpointError` if it is missing, or damaged by its digest."""
-    with open_checkpoint(path, "pt") as (file, about, expected):
-        tensors = {name: file.get_tensor(name) for name in file.keys()}  # noqa: SIM118
-    if expected != digest(tensors, about):
-        raise CheckpointError("is damaged")
-    return about, tensors
-
-
-@contextmanager
-def open_checkpoint(path: Path, framework: str) -> Iterator[tuple[Any, About, object]]:
-    """Open a checkpoint; yield the safetensors file, its header, and the digest in the header.
-
-    Raises:
-        CheckpointError: it is missing, truncated, or has another header.
-    """
-    if not path.is_file():
-        raise CheckpointError("is not a file")
+    """Read a checkpoint; raise a `CheckpointError` if it is missing, truncated, or damaged by its digest."""
     try:
-        with safe_open(path, framework=framework) as file:
+        with safe_open(path, framework="pt") as file:
             values = json.loads((file.metadata() or {}).get(HEADER_KEY, ""))
-            yield file, read_as(About, values, from_json=True), values.get("digest")
+            about = read_as(About, values, from_json=True)
+            tensors = {name: file.get_tensor(name) for name in file.keys()}  # noqa: SIM118
     except (SafetensorError, OSError, ValueError, RecursionError, ConfigError) as error:
         raise CheckpointError(f"cannot be read ({' '.join(str(error).split())})") from None
+    if values.get("digest") != digest(tensors, about):
+        raise CheckpointError("is damaged")
+    return about, tensors
 
 
 def digest(tensors: Mapping[str, Tensor], about: About) -> str:

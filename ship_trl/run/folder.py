@@ -19,7 +19,7 @@ from ship_trl.files.curve import RunError
 from ship_trl.files.disk import atomic_write, remove
 from ship_trl.files.record import RESULT, RunRecord, read_run
 from ship_trl.files.untrusted import read_yaml
-from ship_trl.run.checkpoint import FOLDER, Checkpoints
+from ship_trl.run.checkpoint import FOLDER, read_hashes
 from ship_trl.transfer.casebase import CONFIG
 
 if TYPE_CHECKING:
@@ -75,13 +75,11 @@ def find_result(run: Run) -> RunRecord | None:
             held = f"a finished run of other settings{list_differences(run)}"
         except RunError as error:
             held = f"a damaged result: {error}"
-    else:
-        about = Checkpoints(run.folder).about()
-        unfinished = f"an unfinished run of other settings{(differences := list_differences(run))}"
-        if about is not None and about.config_hash != run.config_hash:
-            held = f"{unfinished}, at episode {about.episode} of {about.episodes}"
-        elif about is None and differences and any((run.folder / FOLDER).glob("*.safetensors")):
-            held = f"{unfinished}, whose checkpoints cannot be read"
+    elif (hashes := read_hashes(run.folder)) and run.config_hash not in hashes:
+        differences = list_differences(run)
+        # Without a readable checkpoint, the folder may hold this run or another.
+        if differences or any(hashes):
+            held = f"an unfinished run of other settings{differences}"
     if held and not run.config.overwrite:
         raise TakenError(run.folder, held)
     return None

@@ -14,7 +14,7 @@ from ship_trl.study.study import Study, places_of, read_study
 from studies.paper.claims import ALL, OURS
 from studies.paper.contrasts import network_effect
 from studies.paper.judge import measure
-from tests.study.synthetic import make_study, write_planned
+from tests.study.synthetic import write_planned
 
 
 @pytest.fixture(scope="module")
@@ -40,25 +40,6 @@ def test_every_plain_contrast_of_a_claim_can_be_asked_for(study: Study) -> None:
                 assert found.differences == pytest.approx(wanted.differences)
                 asked += 1
     assert asked > 100
-
-
-def test_an_arm_of_elsewhere_may_be_one_of_many(study: Study) -> None:
-    (found,) = measured(study, "high: mean of FE3 of ship to 2, FE4 above scratch of high")
-    parts = [measured(study, f"high: {arm} above scratch")[0] for arm in ("FE3 of ship to 2", "FE4")]
-    assert found.differences == pytest.approx(np.mean([part.differences for part in parts], axis=0))
-    every = measured(study, "2 to 2: every arm above scratch of high")
-    assert [one.what for one in every][:1] == ["2 to 2: FE1 above scratch of high (area)"]
-
-
-def test_a_study_without_pairs_says_so() -> None:
-    alone = make_study({("reuse/epsilon_1", "new", "scratch"): 0.9}, seeds=2)
-    with pytest.raises(ConfigError, match="the study has no pair; allowed: new"):
-        ask(alone, "every pair: FTW above scratch")
-
-
-def test_spaces_and_lines_do_not_matter(study: Study) -> None:
-    (found,) = measured(study, " high :FE3  above\nFE4 (early  area) ")
-    assert found.what == "high: FE3 above FE4 (early area)"
 
 
 def test_names_with_a_comma_are_one_name(study: Study) -> None:

@@ -27,6 +27,7 @@ def test_a_row_is_a_transfer_with_the_command_that_repeats_it(tmp_path: Path) ->
     assert found.commands() == ["python -m ship_trl profile=quick source=3 target=4 +arm=FT3"]
 
 
+@pytest.mark.long
 def test_a_source_is_trained_with_the_default_exploration(tmp_path: Path) -> None:
     row = ("2", "new", "abc", "def", "smoke", "FTW", "0.1", "15", "0.05", "0.03", "0.07")
     (found,) = read_transfers(write(tmp_path / "t.csv", row))

@@ -38,14 +38,6 @@ def test_the_start_is_the_mean_over_draws_of_the_fresh_layers(tmp_path: Path) ->
     assert measure(drawn, "start") == pytest.approx(0.3)
 
 
-def test_rates(tmp_path: Path) -> None:
-    # A score of 0.8 is a return of 0: above is the goal.
-    run = record(tmp_path, [0.1] * 60 + [0.9] * 40)
-    assert measure(run, "collisions") == pytest.approx(0.6) and measure(run, "early collisions") == 1.0
-    assert measure(run, "success") == measure(run, "greedy success") == 1.0
-    assert measure(run, "least distance") == 60.0
-
-
 def test_forgetting_is_a_score_of_the_source(tmp_path: Path) -> None:
     source = SourceReturns(
         network=90.0, before=-100.0, best=20.0, final=-10.0, random=-100.0, best_known=100.0
@@ -115,11 +107,6 @@ def test_the_moving_mean_is_the_mean(scores: list[float]) -> None:
     along = metrics.curve(made)
     assert len(along) == metrics.CURVE_POINTS
     np.testing.assert_allclose([along[0], along[-1]], [wanted[0], wanted[-1]], atol=1e-9)
-
-
-def test_every_metric_is_a_finite_number(tmp_path: Path) -> None:
-    run = record(tmp_path, [0.2, 0.4, 0.6])
-    assert all(np.isfinite(measure(run, name)) for name in metrics.METRICS if name != "forgetting")
 
 
 def test_a_dip_is_the_largest_fall_where_exploration_ends() -> None:

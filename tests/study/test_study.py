@@ -10,7 +10,7 @@ from pathlib import Path
 import pytest
 
 from ship_trl.study.launch import last_episode
-from tests.command import KEYS, files
+from tests.command import files
 from tests.forked import Child
 from tests.study.commands import SMALL, learned, study
 
@@ -25,27 +25,12 @@ def test_a_study_ends_with_all_its_results(whole: Path) -> None:
     assert len(json.loads((place / "study.json").read_text())["jobs"]) == 6
 
 
-def test_no_key_of_the_environment_is_written(whole: Path) -> None:
-    found = files(whole)
-    assert "outputs/smoke_study/log.txt" in found
-    for key in KEYS.values():
-        assert not [name for name, data in found.items() if key.encode() in data]
-
-
 def test_started_again_it_trains_nothing(whole: Path) -> None:
     before = files(whole)
     started = time.monotonic()
     done = study(*SMALL, folder=whole)
     assert '"missing": 0' in done.stdout and time.monotonic() - started < 30
     assert files(whole) == before
-
-
-@pytest.mark.long
-@pytest.mark.parametrize("processes", ["1", "2"])
-def test_processes_of_their_own_learn_the_same(processes: str, whole: Path, tmp_path: Path) -> None:
-    done = study(*SMALL, f"processes={processes}", folder=tmp_path, new_process=True)
-    assert f", {processes} at once, by" in done.stdout
-    assert learned(tmp_path) == learned(whole)
 
 
 @pytest.mark.long
@@ -97,10 +82,6 @@ def test_bad_input_is_one_line(override: str, said: str, tmp_path: Path) -> None
     done = study(override, folder=tmp_path, code=1)
     assert done.stderr.startswith("ship_trl: ") and said in done.stderr and done.stderr.count("\n") == 1
     assert list(tmp_path.iterdir()) == []
-
-
-def test_help_needs_no_torch(tmp_path: Path) -> None:
-    assert "first_seed=N" in study("--help", folder=tmp_path).stdout
 
 
 def test_the_last_whole_line_tells_how_far_a_run_is(tmp_path: Path) -> None:

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from ship_trl.study.plan import CONTROL_KINDS, FE
+from ship_trl.study.plan import FE
 from ship_trl.study.statistics import Estimate, Sample
 from ship_trl.study.study import Study
 from studies.paper.contrasts import (
@@ -12,10 +12,8 @@ from studies.paper.contrasts import (
     Test,
     add_p_values,
     beats,
-    control,
     interaction,
     log_spread_ratio,
-    means,
     rises,
     spread_test,
 )
@@ -47,13 +45,6 @@ def test_the_sooner_arm_gets_there_first_or_alone() -> None:
     assert one(beats("high", "FT1", "FE1", "time"), study).against < 0.01
 
 
-def test_means_of_arms_are_compared() -> None:
-    study = make_study(pair("low", FE1=0.5, FE2=0.7, FT1=0.9))
-    found = one(means("low", ("FT1",), ("FE1", "FE2")), study)
-    assert found.value == pytest.approx(0.3, abs=0.07) and found.p < 0.01
-    assert found.beside["greedy area"].value == pytest.approx(found.value, abs=0.01)
-
-
 def test_the_margin_is_a_share_of_what_could_be_gained_on_the_target() -> None:
     study = make_study(pair("high", FE1=0.9, FT1=0.9))
     assert one(beats("high", "FE1", "FT1"), study).margin == pytest.approx(0.2 * GAIN["area"])
@@ -67,12 +58,6 @@ def test_the_gain_of_reuse_depends_on_how_much_is_explored(low: float, one_: flo
     ends |= {(f"reuse/epsilon_{name}", "new", "scratch"): 0.7 for name in ("low", "1")}
     found = one(interaction("area"), make_study(ends))
     assert (found.p < 0.01) is (low > one_) and (found.against < 0.01) is (low < one_)
-
-
-@pytest.mark.parametrize("kind", CONTROL_KINDS)
-def test_a_control_that_has_learned_nothing_is_worse(kind: str) -> None:
-    study = make_study({("pairs", "low", "FE3"): 0.8, ("controls", "low", f"FE3-{kind}"): 0.5})
-    assert one(control("low", "FE3", kind), study).p < 0.01
 
 
 def test_what_has_one_seed_or_none_is_not_measured() -> None:

@@ -53,12 +53,6 @@ def test_one_contrast_the_other_way_contradicts_and_is_adjusted_over_all() -> No
     assert found.findings[1].adjusted == pytest.approx(2 * found.findings[1].found.against)
 
 
-def test_one_open_contrast_leaves_a_claim_open() -> None:
-    study = make_study(high(FE1=0.9, FE2=0.7, FE3=0.7), sd=0.2)
-    (found,) = judge(study, [claim("A", ("FE1", "FE2"), ("FE2", "FE3"))], 15, 0.025)
-    assert found.verdict is Verdict.inconclusive
-
-
 def test_an_open_claim_says_how_many_seeds_would_decide_it() -> None:
     def wanted(*pairs: tuple[str, str], **ends: float) -> int | None:
         (found,) = judge(make_study(high(**ends), sd=0.2), [claim("A", *pairs)], 15, 0.025)
@@ -118,17 +112,6 @@ def test_what_a_look_decided_is_what_is_told_while_the_next_is_under_way() -> No
     assert (none.seeds, none.missing, none.findings[0].found.seeds) == (5, 0, 5)
 
 
-def test_what_stays_open_at_the_last_look_is_told_of_that_look() -> None:
-    study = replace(make_study(high(FE1=0.9, FE2=0.3, FE3=0.3), 12, sd=0.1), plan=Manifest(tuple(range(15))))
-    for seeds, look in ((5, 5), (6, 5), (9, 5), (10, 10), (12, 10)):
-        (found,) = judge_all(study.first(seeds, study.level), [claim("B", ("FE2", "FE3"))])
-        assert (found.verdict, found.seeds, found.missing) == (Verdict.inconclusive, look, 0)
-        assert found.level == look_level(look // 5, 3) and found.findings[0].found.seeds == look
-    # Before the first look there is nothing else to tell of.
-    (found,) = judge_all(study.first(4, study.level), [claim("B", ("FE2", "FE3"))])
-    assert (found.seeds, found.missing, found.findings[0].found.seeds) == (5, 1, 4)
-
-
 def test_seeds_that_come_later_undo_no_decision() -> None:
     places = high(FE1=0.9, FE2=0.3, FE3=0.32, FT1=0.3)
     claims = [claim(f"{a}{b}", (a, b)) for a in ("FE1", "FE3") for b in ("FE2", "FT1")]
@@ -154,13 +137,6 @@ def test_what_has_no_runs_counts_in_the_family_of_contradictions() -> None:
     )
 
 
-def test_times_of_arms_that_do_not_get_there_are_not_alike() -> None:
-    study = make_study(high(FE1=0.55, FE2=0.3))
-    tests = [beats("high", "FE1", "FE2", "time")]
-    (found,) = judge(study, [Claim("A", "5", "", tests)], 15, 0.025)
-    assert found.verdict is Verdict.inconclusive and found.findings[0].found.within == 1.0
-
-
 @pytest.mark.parametrize("seeds", [2, 4])
 def test_a_few_seeds_give_no_verdict(seeds: int) -> None:
     (found,) = judge_all(make_study(high(FE1=0.9, FE2=0.1), seeds, sd=0.001), [claim("A", ("FE1", "FE2"))])
@@ -173,16 +149,6 @@ def test_spread_is_judged_along_the_curve() -> None:
     tests = {"yes": [Spread("high", "FE1", "FT1")], "no": [Spread("high", "FT1", "FE1")]}
     found = {n: judge(study, [Claim(n, "5", "", t)], 15, 0.025)[0].verdict for n, t in tests.items()}
     assert found == {"yes": Verdict.supported, "no": Verdict.contradicted}
-
-
-def test_between_looks_nothing_is_judged() -> None:
-    # Of fifteen seeds twelve have runs.
-    ends = {("pairs", "low", "scratch"): 0.5, ("controls", "self4", "FTW"): 0.9}
-    study = replace(make_study(ends, seeds=12), plan=Manifest(tuple(range(15))))
-    assert study.whole_looks == (5, 10)
-    own = {found.claim.name: found for found in explore(study, OURS)}["E4"]
-    assert {finding.found.seeds for finding in own.findings} == {10}
-    assert study.first(7, 0.025).whole_looks == study.first(3, 0.025).whole_looks == (5,)
 
 
 def test_our_own_contrasts_are_judged_alone_on_what_seeds_they_have() -> None:
@@ -265,14 +231,6 @@ def test_so_many_seeds_as_are_needed_show_a_difference_as_often_as_is_asked() ->
         assert needed is not None and 30 <= needed <= 90
         shown = np.mean([p_above(rng.normal(0.5, 1, needed)) <= 0.025 for _ in range(1_000)])
         assert power - 0.03 < shown < power + 0.07
-
-
-def test_of_what_is_not_known_no_seeds_are_told() -> None:
-    error = standard_error_of_15()
-    told = [seeds_needed(0.5, e, 15, 0.025, 0.8) for e in (np.nan, 0.0)]
-    told += [seeds_needed(d, error, 15, 0.025, 0.8) for d in (0.0, 1e-3)]
-    assert told == [None] * 4
-    assert seeds_needed(9.0, error, 15, 0.025, 0.8) == 5
 
 
 @pytest.mark.parametrize("looks", [1, 2, 3, 5])

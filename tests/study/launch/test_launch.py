@@ -8,9 +8,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-import yaml
 
-from ship_trl.config.errors import ConfigError
 from ship_trl.study import launch
 from ship_trl.study.plan import PAIRS, Job, StudyConfig, plan_jobs, to_study
 from tests.a_result import a_result
@@ -49,45 +47,12 @@ def run(folder: Path, retries: int) -> list[Job]:
     return launch.run_jobs(plan_jobs(config), config, lambda: None)
 
 
-def test_so_many_processes_as_are_asked_for() -> None:
-    for line, wanted in (([], False), (["processes=1"], True)):
-        config = to_study([*SMALL, *line])
-        said = launch.command(plan_jobs(config), config)
-        assert ("hydra.launcher.n_jobs=1" in said) == wanted
-    assert launch.processes(to_study(["processes=3"])) == 3
-
-
 @pytest.mark.parametrize("name", ODD)
 def test_hydra_gets_the_folder_that_was_asked_for(name: str, tmp_path: Path) -> None:
     config = replace(to_study([*SMALL, "logger=wandb"]), output=str(tmp_path / name))
     words = launch.command(plan_jobs(config), config)[6:]
     given = composed_values(shlex.join(["python", "-m", "ship_trl", *words]))
     assert given["hydra.sweep.dir"] == str(tmp_path / name)
-
-
-PLACES = ["log.txt", "jobs", "jobs/job", "case_base", "pairs", "reuse", "pairs/high", "pairs/high/FTW/seed=0"]
-
-
-@pytest.mark.parametrize("name", PLACES)
-def test_a_study_writes_through_no_link(name: str, tmp_path: Path) -> None:
-    study, private = tmp_path / "study", tmp_path / "private"
-    (study / name).parent.mkdir(parents=True)
-    private.mkdir()
-    (study / name).symlink_to(private)
-    before = sorted(study.rglob("*"))
-    config = to_study([*SMALL, f"output={study}"])
-    with pytest.raises(ConfigError, match=rf"^output: {study / name} is a link"):
-        launch.write_jobs(plan_jobs(config), config)
-    assert sorted(study.rglob("*")) == before and not list(private.iterdir())
-
-
-def test_a_job_alone_has_all_that_the_study_has_set(tmp_path: Path) -> None:
-    config = to_study([*SMALL, f"output={tmp_path}", "overrides=[network=five,learn.gamma=0.9]"])
-    jobs = plan_jobs(config)
-    launch.write_jobs(jobs, config)
-    for job in jobs:
-        values = yaml.safe_load((tmp_path / f"jobs/job/{job.name}.yaml").read_text())
-        assert len(values["network"]["conv"]) == 5 and values["learn"]["gamma"] == 0.9
 
 
 def test_a_round_that_ends_a_run_is_no_failure(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -153,15 +118,3 @@ def test_a_copied_run_is_of_another_place(tmp_path: Path) -> None:
     (one / "result.json").write_bytes((other / "result.json").read_bytes())
     (line,) = launch.set_aside(jobs, config)
     assert "result.json is of another run" in line
-
-
-def test_a_folder_that_cannot_be_renamed_is_one_line(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    config, jobs = a_study(tmp_path)
-    (jobs[0].folder(tmp_path) / "curve.csv").unlink()
-
-    def refuse(self: Path, target: Path) -> Path:
-        raise PermissionError(13, "Permission denied")
-
-    monkeypatch.setattr(Path, "rename", refuse)
-    with pytest.raises(ConfigError, match=r"output: .* cannot be set aside: Permission denied"):
-        list(launch.set_aside(jobs, config))

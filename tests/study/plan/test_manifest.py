@@ -53,28 +53,6 @@ def test_a_case_that_was_edited_is_refused(tmp_path: Path) -> None:
     begin(tmp_path, "pairs=[high]")  # it does not sail there
 
 
-@pytest.mark.parametrize(
-    "text",
-    [
-        "",
-        "[]",
-        "{}",
-        '{"settings": {}, "cases": 3}',
-        '{"settings": []}',
-        '{"settings": {}, "cases": [[1, 2]]}',
-        "[" * 100_000,
-    ],
-    ids=range(7),
-)
-def test_what_is_no_plan_is_refused(text: str, tmp_path: Path) -> None:
-    (tmp_path / PLAN).write_text(text)
-    with pytest.raises(ConfigError, match="is not a study's plan"):
-        begin(tmp_path)
-    assert (tmp_path / PLAN).read_text() == text
-    with pytest.raises(ConfigError, match=r"folder: .* is not a study's plan"):
-        read_manifest(tmp_path)
-
-
 @pytest.mark.parametrize("judged", [[], None, 3, ["5"], [0, 1.5], {"0": 1}], ids=str)
 def test_damaged_seeds_are_refused_and_do_not_become_one_look(judged: object, tmp_path: Path) -> None:
     begin(tmp_path)
@@ -86,19 +64,6 @@ def test_damaged_seeds_are_refused_and_do_not_become_one_look(judged: object, tm
         read_manifest(tmp_path)
     (tmp_path / PLAN).unlink()
     assert read_manifest(tmp_path) == Manifest()
-
-
-def test_a_plan_says_after_how_many_episodes_runs_learn_at_the_earliest(tmp_path: Path) -> None:
-    begin(tmp_path, "overrides=[learn.warmup_steps=2000,world.max_steps=60]")
-    # The 33rd ends at step 1980 if all are as long as they may be.
-    assert read_manifest(tmp_path).warmup == 33
-    plan = json.loads((tmp_path / PLAN).read_text())
-    wrongs: list[dict[str, object]] = [{}, {"learn": {"warmup_steps": 10}, "world": {"max_steps": 0}}]
-    algorithms: list[object] = [[], {}, {"build": "ship_trl.learn.ppo:build"}]
-    wrongs += [plan["settings"] | {"algorithm": one} for one in algorithms]
-    for wrong in (*wrongs, {"learn": []}):
-        (tmp_path / PLAN).write_text(json.dumps(plan | {"settings": wrong}))
-        assert read_manifest(tmp_path).warmup == 0
 
 
 def test_arms_of_more_layers_than_the_network_has_are_refused(tmp_path: Path) -> None:

@@ -1,37 +1,19 @@
 """A study's copy: what it holds, and how a study goes on from it."""
 
 import csv
-import errno
 import json
 import lzma
-import math
 import shutil
-from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pytest
 
-from ship_trl.files.record import SourceReturns, read_run
-from ship_trl.study.metrics import measure
 from ship_trl.study.study import read_study
 from tests.command import files, keep, report
 from tests.study.commands import SMALL, learned, study
-from tests.study.records.conftest import a_study
 
 FILES = ["curves.csv.xz", "runs.csv", "study.json"]
-
-
-def test_forgetting_is_kept_where_it_was_measured(whole_study: Path, tmp_path: Path) -> None:
-    source = SourceReturns(90.0, -100.0, 20.0, -10.0, -100.0, 100.0)
-    place = whole_study / "pairs/high/FTW/seed=1"
-    replace(read_run(place), on_source=source).write(place)
-    keep([str(whole_study), str(tmp_path / "copy")])
-    keep(["--restore", str(tmp_path / "copy"), str(tmp_path / "again")])
-    for folder in (whole_study, tmp_path / "copy", tmp_path / "again"):
-        found = {key: measure(one, "forgetting") for key, one in read_study(folder).records.items()}
-        assert found.pop(("pairs", "high", "FTW", 1)) == 0.5
-        assert found and all(map(math.isnan, found.values()))
 
 
 def test_what_the_report_needs_comes_back(whole_study: Path, copy: Path, tmp_path: Path) -> None:
@@ -127,28 +109,13 @@ def test_a_study_goes_on_from_its_copy(whole: Path, tmp_path: Path) -> None:
     assert sorted(path.name for path in (folder / "pairs").iterdir()) == [".locks", "high"]
 
 
-def test_no_study_is_begun_among_tables(copy: Path, tmp_path: Path) -> None:
-    before = files(copy)
-    done = study(*SMALL, f"output={copy}", folder=tmp_path, code=1)
-    assert done.stderr.count("\n") == 1
-    assert f"output: {copy} holds a study's tables; allowed: another output=FOLDER; " in done.stderr
-    assert f"ship_trl study keep --restore {copy} FOLDER" in done.stderr
-    assert files(copy) == before
-
-
 @pytest.mark.parametrize(
     ("arguments", "said"),
     [
         (["study", "study"], "copy: study holds a study; allowed: another folder"),
-        (["nowhere", "new"], "folder: nowhere/study.json is missing; every study has this plan"),
         (["copy", "new"], "folder: copy holds a study's tables; allowed: a study's folder of runs"),
-        (["study", "taken"], "copy: taken cannot be written: File exists"),
         (["--restore", "copy", "study"], "study is there already; allowed: a new one"),
-        (["--restore", "copy", "taken"], "taken is there already; allowed: a new one"),
-        (["--restore", "copy", "taken/below"], "cannot be written: Not a directory"),
         (["--restore", "study", "new"], "copy: study/runs.csv is not the file that study.json was kept with"),
-        (["study"], "the following arguments are required: COPY"),
-        (["--banana"], "see python -m ship_trl study keep --help"),
     ],
 )
 def test_what_is_there_is_kept(
@@ -168,25 +135,6 @@ def test_what_is_there_is_kept(
     told = capsys.readouterr().err
     assert ended.value.code == 1
     assert told.startswith("ship_trl: ") and said in told and told.count("\n") == 1
-    assert files(tmp_path) == before
-
-
-def test_a_disk_that_fills_up_while_curves_are_packed_leaves_the_copy(
-    copy: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
-) -> None:
-    longer = a_study(tmp_path / "longer", seeds=4)
-    before = files(tmp_path)
-
-    def full(*_: object, **__: object) -> bytes:
-        raise OSError(errno.ENOSPC, "No space left on device")
-
-    monkeypatch.setattr(lzma, "compress", full)
-    capsys.readouterr()
-    with pytest.raises(SystemExit):
-        keep([str(longer), str(copy)])
-    said = capsys.readouterr().err
-    assert said == f"ship_trl: copy: {copy / 'curves.csv.xz'} cannot be written: No space left on device\n"
-    # Neither runs.csv nor the plan is ahead of the curves.
     assert files(tmp_path) == before
 
 

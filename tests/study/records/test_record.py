@@ -42,45 +42,6 @@ def test_a_curve_may_have_no_epsilon_but_not_lack_one(tmp_path: Path, rows: slic
             read_whole(place)
 
 
-def test_draws_before_training_are_read(tmp_path: Path) -> None:
-    scores = learning(np.random.default_rng(0), 50)
-    record = read_whole(write_run(tmp_path, scores, seed=1, draws=[-300, 80.5]))
-    assert record.draws == [-300.0, 80.5]
-    assert read_whole(write_run(tmp_path, scores, seed=2)).draws == []
-
-
-@pytest.mark.parametrize(
-    ("name", "text", "said"),
-    [
-        ("result.json", None, "result.json is missing"),
-        ("curve.csv", None, "curve.csv is missing"),
-        ("result.json", '{"pair": "hi', "result.json cannot be read"),
-        ("result.json", "[1, 2]", "result.json is not a result of this program"),
-        ("result.json", '{"accuracy": 0.9}', "result.json has schema_version None; only 3"),
-        ("result.json", "[" * 100_000, "result.json cannot be read"),
-        ("curve.csv", "step,loss\n1,2\n", "curve.csv cannot be read"),
-        ("curve.csv", "\x00\xff", "curve.csv cannot be read"),
-        ("curve.csv", "", "curve.csv cannot be read"),
-    ],
-)
-def test_what_is_not_whole_is_named(tmp_path: Path, name: str, text: str | None, said: str) -> None:
-    place = write_run(tmp_path, learning(np.random.default_rng(0), 50))
-    (place / name).unlink()
-    if text is not None:
-        (place / name).write_text(text, encoding="latin-1")
-    with pytest.raises(RunError, match=said):
-        read_whole(place)
-
-
-@pytest.mark.parametrize("cut", [0.1, 0.5, 0.9, 0.99, 0.999])
-def test_a_curve_cut_short_is_no_curve(tmp_path: Path, cut: float) -> None:
-    place = write_run(tmp_path, learning(np.random.default_rng(0), 50))
-    text = (place / "curve.csv").read_text()
-    (place / "curve.csv").write_text(text[: int(cut * len(text))])
-    with pytest.raises(RunError, match=r"curve.csv"):
-        read_whole(place)
-
-
 @pytest.mark.parametrize(
     ("changes", "said"),
     [

@@ -1,21 +1,13 @@
 """Figures along the training: curves, differences within seeds, times that are cut off at the end."""
 
-from collections.abc import Sequence
-from dataclasses import replace
-
-import matplotlib as mpl
 import numpy as np
 import pytest
 from matplotlib.axes import Axes
 from matplotlib.collections import PolyCollection
 from matplotlib.figure import Figure
-from matplotlib.patches import Rectangle
 
-from ship_trl.files.curve import TRAINING
-from ship_trl.study.manifest import Manifest
-from ship_trl.study.plan import CONTROLS, PAIRS
+from ship_trl.study.plan import PAIRS
 from ship_trl.study.report.curves import (
-    STRIP,
     differences,
     draw_differences,
     draw_pair,
@@ -23,14 +15,12 @@ from ship_trl.study.report.curves import (
     draw_times,
     steps,
 )
-from ship_trl.study.report.gains import Map, measure_gains
-from ship_trl.study.report.style import NARROW, WIDE, look_of
+from ship_trl.study.report.style import NARROW, WIDE
 from ship_trl.study.study import Study
 from tests.study.report.seen import across, heights, named, outline
-from tests.study.synthetic import BEST, RANDOM, make_record, make_study, with_curve
+from tests.study.synthetic import BEST, RANDOM, make_record, make_study
 
 ARMS = ("scratch", "FE1", "FE3", "FT2", "FTW")
-BLACK = mpl.colors.to_rgba(look_of("scratch").colour)
 
 
 def drawn(study: Study, width: float = WIDE) -> Figure:
@@ -80,18 +70,6 @@ def test_no_band_passes_the_best_return() -> None:
     assert max(band[:, 1].max() for band in found) <= BEST and min(b[:, 1].min() for b in found) >= RANDOM
 
 
-def test_scratch_is_black_in_each_panel_and_no_panel_has_more_than_four_curves() -> None:
-    places = {(PAIRS, "high", arm): 0.5 for arm in ARMS}
-    places |= {(CONTROLS, "high", f"FE3-{kind}"): 0.4 for kind in ("random", "permuted")}
-    counts = []
-    for axis in drawn(make_study(places, seeds=5)).axes:
-        colours = [mpl.colors.to_rgba(line.get_color()) for line in axis.lines if len(across(line)) > 2]
-        counts.append(len(curves(axis)))
-        assert colours.count(BLACK) == 1
-    # Of FE1, FE3 with its controls, FT2, FTW; training and greedy.
-    assert sorted(counts) == [2, 2, 2, 2, 2, 2, 4, 4]
-
-
 @pytest.mark.parametrize(("seeds", "lines", "filled"), [(3, 6, 0), (4, 2, 2)])
 def test_fewer_than_four_seeds_are_a_line_each(seeds: int, lines: int, filled: int) -> None:
     axis = drawn(collapsing(seeds)).axes[0]
@@ -106,65 +84,6 @@ def test_all_panels_share_their_axes() -> None:
             assert len({axis.get_ylim() for axis in row}) == 1 and {axis.get_xlim() for axis in row} == {
                 (0, 120)
             }
-
-
-def with_epsilon(study: Study, epsilon: Sequence[float] | np.ndarray) -> Study:
-    records = {
-        key: with_curve(record, TRAINING, epsilon=np.array(epsilon)) for key, record in study.records.items()
-    }
-    return replace(study, records=records)
-
-
-def upright(axis: Axes) -> list[float]:
-    return [
-        float(across(line)[0])
-        for line in axis.lines
-        if list(heights(line)) == [0, 1] and len(set(across(line))) == 1
-    ]
-
-
-def test_the_reader_sees_where_exploration_ends() -> None:
-    study = with_epsilon(collapsing(4), np.maximum(0.1, 1 - np.arange(120) / 80))
-    for axis in drawn(study).axes:
-        # 1 - 72 / 80 is the first at a tenth, of episode 73.
-        assert upright(axis) == [73]
-    foot = drawn(study).axes[0]
-    (strip,) = [item for item in foot.collections if item.get_transform() != foot.transData]
-    # From all of its height, where every action is random, to a tenth.
-    up = outline(strip)[:, 1]
-    assert up.max() == pytest.approx(STRIP) and up[up > 0].min() == pytest.approx(STRIP / 10)
-
-
-def test_what_has_no_exploration_rate_is_not_explained_either() -> None:
-    def explained(study: Study) -> set[str]:
-        return {text.get_text() for legend in drawn(study).legends for text in legend.get_texts()}
-
-    study = collapsing(4)
-    without = explained(with_epsilon(study, np.full(120, np.nan)))
-    assert explained(study) - without == {"exploration rate", "exploration ends"} and without
-
-
-def test_of_a_constant_rate_no_end_is_drawn() -> None:
-    assert all(upright(axis) == [] for axis in drawn(collapsing(4)).axes)
-
-
-def test_the_warm_up_is_shaded_where_a_plan_says_how_long_it_is() -> None:
-    def shaded(study: Study) -> list[tuple[float, ...]]:
-        patches = [one for axis in drawn(study).axes for one in axis.patches if isinstance(one, Rectangle)]
-        return sorted({tuple(one.get_bbox().intervalx) for one in patches})
-
-    assert shaded(replace(collapsing(4), plan=Manifest(warmup=33))) == [(0, 33)]
-    assert shaded(collapsing(4)) == []
-
-
-def test_the_best_known_return_and_that_of_random_actions_are_lines() -> None:
-    for axis in drawn(collapsing(4)).axes:
-        levels = {
-            float(heights(line)[0])
-            for line in axis.lines
-            if list(across(line)) == [0, 1] and len(set(heights(line))) == 1
-        }
-        assert levels == {BEST, RANDOM}
 
 
 def test_reuse_has_a_panel_for_each_network() -> None:
@@ -215,22 +134,6 @@ def test_a_seed_that_one_of_them_lacks_does_not_count() -> None:
     assert named(figure.axes[0]) == ["FE1 (5)"]
 
 
-def test_without_runs_from_scratch_there_are_no_differences() -> None:
-    study = shifted(0.25)
-    alone = Study({key: record for key, record in study.records.items() if key[2] == "FE1"})
-    assert draw_differences(alone, WIDE) is None
-    assert draw_times(alone, NARROW) is not None
-
-
-def test_a_pair_of_small_differences_has_an_axis_of_its_own() -> None:
-    small, large = shifted(0.1), shifted(2.0)
-    moved = {(part, "low", arm, seed): run for (part, _, arm, seed), run in large.records.items()}
-    figure = draw_differences(Study(small.records | moved), WIDE)
-    assert figure is not None
-    tops = [axis.get_ylim()[1] for axis in figure.axes if named(axis) == ["FE1 (6)"]]
-    assert len(tops) == 2 and 0.1 < tops[0] < 0.2 and 2 < tops[1] < 3
-
-
 def reaching(times: list[int | None]) -> Study:
     """Runs of 100 episodes whose score is 1 from these on; None never is."""
     records = {}
@@ -258,17 +161,3 @@ def test_the_panel_says_how_many_of_how_many() -> None:
     assert named(figure.axes[0]) == ["FE1 2/3"]
     (line,) = [line for line in figure.axes[0].lines if len(across(line))]
     assert line.get_drawstyle() == "steps-post"
-
-
-def test_other_methods_have_panels_of_their_own() -> None:
-    records = {}
-    for arm in ("scratch", "FT2", "SP3", "FTH", "G"):
-        for seed in range(3):
-            records[PAIRS, "high", arm, seed] = make_record(np.linspace(0, 1, 60), PAIRS, "high", arm, seed)
-    figure = drawn(Study(records))
-    names = [name for axis in figure.axes for name in named(axis)]
-    assert names == [f"{arm} (3)" for arm in ("FT2", "FTH", "SP3", "G")]
-    looks = {(look_of(arm).colour, str(look_of(arm).dashes)) for arm in ("scratch", "FT2", "FTH", "SP3", "G")}
-    assert len(looks) == 5
-    gains = measure_gains(Study(records), "area")
-    assert [list(Map({"": column}, {}).rows) for column in gains.values()] == [["FT2", "FTH", "SP3", "G"]]

@@ -1,20 +1,16 @@
 """A report's figures can be read at both widths: letters of a size, none upon others; and are written."""
 
-import errno
-import resource
 from collections.abc import Callable
 from dataclasses import dataclass
 from itertools import combinations
-from pathlib import Path
 from typing import Any
 
-import numpy as np
 import pytest
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 from matplotlib.text import Text
 
-from ship_trl.study.report.style import DPI, NARROW, WIDE, save
+from ship_trl.study.report.style import DPI, NARROW, WIDE
 from ship_trl.study.report.write import drawings
 from ship_trl.study.study import Study, read_study
 from tests.study.synthetic import make_study, write_planned
@@ -63,6 +59,7 @@ def figures(study: Study) -> list[Shown]:
     return found
 
 
+@pytest.mark.long
 def test_a_whole_study_has_all_figures(figures: list[Shown]) -> None:
     for width in (WIDE, NARROW):
         names = {one.name for one in figures if one.width == width}
@@ -77,6 +74,7 @@ def test_a_whole_study_has_all_figures(figures: list[Shown]) -> None:
         }
 
 
+@pytest.mark.long
 def test_no_letter_is_smaller_than_seven_points_where_it_is_shown(figures: list[Shown]) -> None:
     for one in figures:
         assert one.figure.get_size_inches()[0] == one.width and one.words
@@ -85,6 +83,7 @@ def test_no_letter_is_smaller_than_seven_points_where_it_is_shown(figures: list[
             assert float(text.get_fontsize()) * shrunk >= 7, f"{one.name}, {text.get_text()}"
 
 
+@pytest.mark.long
 def test_no_word_leaves_the_figure_or_lies_upon_another(figures: list[Shown]) -> None:
     for one in figures:
         whole = one.figure.bbox
@@ -103,26 +102,3 @@ def test_no_word_leaves_the_figure_or_lies_upon_another(figures: list[Shown]) ->
 def test_nothing_is_drawn_of_no_runs() -> None:
     study = make_study({("controls", "self", "FE1"): 0.5}, seeds=2)
     assert [name for name, (_, draw) in drawings(study).items() if draw(WIDE) is not None] == []
-
-
-def test_from_scratch_alone_there_are_its_curves() -> None:
-    study = make_study({("pairs", "high", "scratch"): 0.5}, seeds=2)
-    assert [name for name, (_, draw) in drawings(study).items() if draw(NARROW) is not None] == ["pair_high"]
-
-
-def test_a_disk_that_has_no_room_for_the_pdf_is_said_and_the_last_one_kept(tmp_path: Path) -> None:
-    figure = Figure(figsize=(1, 1))
-    # Longer than what is kept in memory until it is written.
-    figure.add_subplot().plot(np.random.default_rng(0).random(20_000))
-    picture, document = save(figure, tmp_path / "figure")
-    kept = document.read_bytes()
-    room, hard = len(kept) // 2, resource.getrlimit(resource.RLIMIT_FSIZE)[1]
-    assert picture.stat().st_size < room
-    resource.setrlimit(resource.RLIMIT_FSIZE, (room, hard))
-    try:
-        with pytest.raises(OSError, match="File too large") as caught:
-            save(figure, tmp_path / "figure")
-    finally:
-        resource.setrlimit(resource.RLIMIT_FSIZE, (hard, hard))
-    assert caught.value.errno == errno.EFBIG
-    assert document.read_bytes() == kept and len(list(tmp_path.iterdir())) == 2

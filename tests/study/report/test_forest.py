@@ -1,7 +1,5 @@
 """The forest plot: shares of what could be gained, arms in their order, own layers beside them."""
 
-from dataclasses import replace
-
 import numpy as np
 import pytest
 from matplotlib.figure import Figure
@@ -14,7 +12,7 @@ from ship_trl.study.report.style import NARROW, WIDE
 from ship_trl.study.statistics import interquartile_mean
 from ship_trl.study.study import Study
 from tests.study.report.seen import across, heights
-from tests.study.synthetic import make_record, make_study, told, with_curve
+from tests.study.synthetic import make_record, make_study, with_curve
 
 PAIR = {("pairs", "high", "scratch"): 0.5, ("pairs", "high", "FTW"): 0.9, ("pairs", "high", "FE1"): 0.7}
 
@@ -23,12 +21,6 @@ def drawn(study: Study, width: float = WIDE) -> Figure:
     figure = draw_forest(study, width)
     assert figure is not None
     return figure
-
-
-def with_own(study: Study) -> Study:
-    """The same study, with sources: case 1 for the pair, and the target for pair self."""
-    sources = {"high": "1", "self": "2"}
-    return replace(study, records={k: told(r, source=sources[k[1]]) for k, r in study.records.items()})
 
 
 def test_a_gain_is_a_share_of_the_way_from_scratch_to_the_best_known_return() -> None:
@@ -62,29 +54,6 @@ def test_arms_are_rows_and_pairs_are_panels() -> None:
     (forest, _) = measure_forests(study)
     assert values[0.0] == pytest.approx(forest.gains["FE1"].value)
     assert values[2.0] == pytest.approx(forest.gains["FTW"].value) and first.yaxis_inverted()
-
-
-def test_own_layers_lie_below_their_arm_and_say_how_many_seeds_they_have() -> None:
-    study = with_own(make_study(PAIR | {("controls", "self", "FE1"): 0.8}, seeds=6))
-    (forest,) = measure_forests(study)
-    assert list(forest.own) == ["FE1"] and forest.own["FE1"].value > forest.gains["FE1"].value
-    (legend,) = drawn(study).legends
-    words = [text.get_text() for text in legend.get_texts()]
-    assert any("own layers" in one for one in words) and not any("control" in one for one in words)
-    assert "Own layers have 6 seeds" in legend.get_title().get_text()
-    without = drawn(make_study(PAIR, seeds=6)).legends[0]
-    assert not any("own layers" in text.get_text() for text in without.get_texts())
-
-
-@pytest.mark.parametrize("width", [WIDE, NARROW])
-def test_the_axis_holds_zero_and_all_that_could_be_gained(width: float) -> None:
-    (axis,) = drawn(make_study(PAIR, seeds=1), width).axes
-    low, high = axis.get_xlim()
-    assert low < -0.0 and 1 < high < 1.4
-    # One seed has no interval: other lines are thin, as those at 0 and 1.
-    dots = [line for line in axis.lines if line.get_marker() == "o"]
-    ends = [line for line in axis.lines if line.get_marker() != "o"]
-    assert len(dots) == 2 and all(line.get_linewidth() < 1 for line in ends)
 
 
 def test_where_nothing_can_be_gained_there_is_no_panel() -> None:

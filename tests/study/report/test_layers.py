@@ -43,13 +43,3 @@ def test_each_layer_of_each_two_networks_has_a_row() -> None:
 def test_what_was_not_measured_has_neither_rows_nor_a_figure() -> None:
     bare = replace(STUDY, layers=[])
     assert layer_rows(bare) == [] and draw_layers(bare, WIDE) is None
-
-
-def test_a_line_is_the_mean_over_seeds_of_each_layer() -> None:
-    figure = draw_layers(STUDY, WIDE)
-    assert figure is not None
-    (axis,) = figure.axes
-    assert [label.get_text() for label in axis.get_xticklabels()] == list(NAMES)
-    drawn = [np.asarray(line.get_ydata(), dtype=float) for line in axis.lines if len(line.get_xdata()) == 2]  # type: ignore[arg-type]
-    wanted = interquartile_mean(ALIKE) - np.array([0.0, 0.1])
-    assert any(line == pytest.approx(wanted) for line in drawn)

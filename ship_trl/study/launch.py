@@ -158,9 +158,6 @@ def set_aside(jobs: list[Job], config: StudyConfig) -> Iterator[str]:
 
     A run without a result was stopped, not damaged: it resumes. A source without its network counts as
     damaged if an unfinished run needs it.
-
-    Raises:
-        ConfigError: a folder cannot be renamed.
     """
     for job in jobs:
         folder = job.folder(config.folder)
@@ -184,10 +181,7 @@ def rename(folder: Path, reason: str) -> str:
     """Rename a damaged folder to `damaged-1-seed=0`, or the next free number, and return a message."""
     names = (folder.with_name(f"{DAMAGED}{number}-{folder.name}") for number in count(1))
     new = next(name for name in names if not name.exists())
-    try:
-        folder.rename(new)
-    except OSError as error:
-        raise ConfigError(f"output: {folder} cannot be set aside: {error.strerror}") from None
+    folder.rename(new)
     return f"{folder}: {reason}; kept as {new.name} and trained again"
 
 
@@ -255,8 +249,6 @@ class Display:
 
 def last_episode(path: Path) -> int:
     """Return the episode in the last whole line of a curve; 0 if there is none."""
-    if not path.is_file():  # to open a pipe would wait for ever
-        return 0
     try:
         with path.open("rb") as file:
             file.seek(max(0, path.stat().st_size - TAIL_BYTES))

@@ -31,7 +31,10 @@ Seeds = Annotated[list[int], rule("a list of seeds", bool)]
 
 @dataclass(frozen=True)
 class Plan:
-    """The checked parts of a study.json; old ones lack `judged` and `rules` (see `stamp`)."""
+    """What was planned, as in a study.json; empty for a folder without one.
+
+    `rules` are those of the beginning (see `stamp`).
+    """
 
     settings: dict[str, Any]
     cases: dict[str, str]
@@ -39,20 +42,24 @@ class Plan:
     judged: Seeds = field(default_factory=list)
     rules: Stamp = field(default_factory=dict)
 
+    @property
+    def seeds(self) -> tuple[int, ...]:
+        """The seeds that are judged: those that the study was begun with."""
+        return tuple(sorted({*(self.judged or (job.seed for job in self.jobs if job.part == PAIRS))}))
 
-@dataclass(frozen=True)
-class Manifest:
-    """What a report needs from a study.json; empty for a folder without one.
+    @property
+    def warmup(self) -> int:
+        """The number of first episodes in which no run learns."""
+        try:
+            algorithm = self.settings.get("algorithm")
+            has_replay = algorithm is None or not reads_of(algorithm).is_on_policy
+            steps = self.settings["learn"]["warmup_steps"] if has_replay else 0
+            return max(0, int(steps // self.settings["world"]["max_steps"]))
+        except (KeyError, TypeError, ValueError, ArithmeticError):
+            return 0
 
-    Only `seeds` are judged: those that the study was begun with. No run learns in its first `warmup`
-    episodes. `folders` maps the planned runs' folders to their seeds.
-    """
 
-    seeds: tuple[int, ...] = ()
-    rules: dict[str, Any] = field(default_factory=dict)
-    cases: dict[str, str] = field(default_factory=dict)
-    warmup: int = 0
-    folders: dict[Path, int] = field(default_factory=dict)
+NO_PLAN = Plan({}, {}, [])
 
 
 def run_config(config: StudyConfig) -> Config:
@@ -154,25 +161,16 @@ def read_plan(path: Path, key: str) -> dict[str, Any]:
     return plan
 
 
-def read_manifest(folder: Path) -> Manifest:
-    """Read the study.json of a folder; return an empty manifest if there is no file.
+def load_plan(folder: Path) -> Plan:
+    """Read the study.json of a folder; return an empty plan if there is no file.
 
     Raises:
         ConfigError: the file is damaged. Without its seeds it is unknown when claims are judged.
     """
     path = folder / PLAN
     if not path.exists():
-        return Manifest()
+        return NO_PLAN
     plan = read_as(Plan, read_plan(path, "folder"), from_json=True)
-    seeds = plan.judged or [job.seed for job in plan.jobs if job.part == PAIRS]
-    if not seeds:
+    if not plan.seeds:
         raise ConfigError(f"folder: {path} is not a study's plan: it has no seeds")
-    try:
-        algorithm = plan.settings.get("algorithm")
-        has_replay = algorithm is None or not reads_of(algorithm).is_on_policy
-        steps = plan.settings["learn"]["warmup_steps"] if has_replay else 0
-        warmup = max(0, int(steps // plan.settings["world"]["max_steps"]))
-    except (KeyError, TypeError, ValueError, ArithmeticError):
-        warmup = 0
-    folders = {job.folder(folder): job.seed for job in plan.jobs}
-    return Manifest(tuple(sorted(set(seeds))), plan.rules, plan.cases, warmup, folders)
+    return plan

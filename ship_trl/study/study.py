@@ -10,7 +10,7 @@ from pathlib import Path
 from ship_trl.config.errors import ConfigError, print_error
 from ship_trl.files.record import RunRecord
 from ship_trl.study.claims import NO_CLAIMS, Claims
-from ship_trl.study.manifest import Manifest, read_manifest
+from ship_trl.study.manifest import NO_PLAN, Plan, load_plan
 from ship_trl.study.plan import (
     CONTROLS,
     NEW_CASE,
@@ -50,7 +50,7 @@ class Study:
 
     records: Records
     broken: list[tuple[Path, str]] = field(default_factory=list)
-    plan: Manifest = field(default_factory=Manifest)
+    plan: Plan = NO_PLAN
     level: float = LEVEL / 2
     layers: list[Layer] = field(default_factory=list)
     claims: Claims = NO_CLAIMS
@@ -123,7 +123,7 @@ def read_study(folder: Path, claims: Claims = NO_CLAIMS) -> Study:
     found = read_tables(folder)[1] if has_tables(folder) else read_runs(folder, broken)
     records = {(*one.place, one.seed): one for one in found}
     layers = layers_of(folder, records, broken)
-    return Study(records, broken, read_manifest(folder), layers=layers, claims=claims)
+    return Study(records, broken, load_plan(folder), layers=layers, claims=claims)
 
 
 def finished_study(folder: Path, seeds: int | None = None, claims: Claims = NO_CLAIMS) -> Study:

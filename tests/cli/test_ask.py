@@ -1,12 +1,13 @@
 """The command that measures any contrast of a study."""
 
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pytest
 
 from ship_trl.cli.study import answers
-from ship_trl.study.manifest import Manifest
+from ship_trl.study.manifest import NO_PLAN
 from ship_trl.study.study import Study
 from tests.command import ask as main
 from tests.command import ship_trl
@@ -19,7 +20,7 @@ GAINS = np.array([0.1, -0.1, 0.2, 0.1, 0.1, 0.3, 0.3, 0.3, 0.3, 0.3])
 
 def test_seeds_beyond_the_last_look_are_left_out() -> None:
     nine = study_of(scratch=SCRATCH[:9], FE1=(SCRATCH + GAINS)[:9])
-    planned = Study(nine.records, plan=Manifest(tuple(range(10))))
+    planned = Study(nine.records, plan=replace(NO_PLAN, judged=[*range(10)]))
     assert [one.seeds for one in answers(planned, ["high: FE1 above scratch"])] == [5]
     assert [one.seeds for one in answers(planned, ["high: FE1 above scratch"], seeds=7)] == [7]
 

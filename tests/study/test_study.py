@@ -1,7 +1,6 @@
 """The real command: a small study, one that is killed and goes on, and what it refuses."""
 
 import json
-import os
 import random
 import shutil
 import time
@@ -91,6 +90,3 @@ def test_the_last_whole_line_tells_how_far_a_run_is(tmp_path: Path) -> None:
     assert last_episode(path) == 0
     path.write_text("episode,return\n1,2.0\n2,3.0\n34")
     assert last_episode(path) == 2
-    # A pipe would keep its reader waiting.
-    os.mkfifo(tmp_path / "pipe")
-    assert last_episode(tmp_path / "pipe") == 0

@@ -43,7 +43,7 @@ def report(folder: Path, output: Path, seeds: int | None = None, claims: Claims 
         study = finished_study(folder, seeds, claims)
         try:
             output.mkdir(parents=True, exist_ok=True)
-            lines = write(study, folder, output, missing_runs(study, seeds), show)
+            lines = write(study, folder, output, missing_runs(study, folder, seeds), show)
         except OSError as error:
             raise ConfigError(f"output: {error.filename} cannot be written: {error.strerror}") from None
     # Figures hold reference cycles, 8 MB a report.
@@ -83,10 +83,10 @@ def write(study: Study, folder: Path, output: Path, missing: int, show: Show) ->
     return [*judged.lines, *([f"{missing} planned runs are missing"] if missing else [])]
 
 
-def missing_runs(study: Study, seeds: int | None = None) -> int:
+def missing_runs(study: Study, folder: Path, seeds: int | None = None) -> int:
     """Count the planned runs of the first `seeds` seeds, or of all, that are neither read nor broken."""
-    shown = set(study.seeds[:seeds]) if seeds is not None else set(study.plan.folders.values())
-    planned = {folder for folder, seed in study.plan.folders.items() if seed in shown}
+    shown = study.seeds[:seeds]
+    planned = {job.folder(folder) for job in study.plan.jobs if seeds is None or job.seed in shown}
     found = {record.folder for record in study.records.values()} | {path for path, _ in study.broken}
     return len(planned - found)
 

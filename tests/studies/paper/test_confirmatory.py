@@ -12,7 +12,7 @@ from pathlib import Path
 
 import pytest
 
-from ship_trl.study.manifest import read_manifest
+from ship_trl.study.manifest import load_plan
 from ship_trl.study.tables import LAYERS, read_layers, read_tables
 from ship_trl.study.transfers import BUNDLED_TABLE, TABLE
 from studies.paper.claims import claims
@@ -54,7 +54,7 @@ def test_its_seeds_are_whole_and_of_the_plan() -> None:
 
 def test_it_is_judged_by_the_rules_that_it_was_begun_with() -> None:
     """The commit that the study names has the plan as registered; the page keeps its rules word for word."""
-    plan = read_manifest(FOLDER)
+    plan = load_plan(FOLDER)
     assert plan.seeds == tuple(range(100, 115))
     commit, _, committed = plan.rules["commit"].partition(" of ")
     assert datetime.fromisoformat(committed) < datetime.fromisoformat(plan.rules["begun"])

@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from ship_trl.study.manifest import Manifest
+from ship_trl.study.manifest import NO_PLAN
 from ship_trl.study.statistics import Estimate, estimate_mean
 from studies.paper.claims import ALL
 from studies.paper.contrasts import Claimed, add_p_values, beats
@@ -115,7 +115,7 @@ def high(**ends: float) -> dict[tuple[str, str, str], float]:
 
 def test_grades_are_over_all_judged_seeds_and_not_those_of_the_look_that_decided() -> None:
     claims = [Claim("A", "5", "", [beats("high", "FE1", "FE2")])]
-    study = replace(make_study(high(FE1=0.9, FE2=0.3), sd=0.002), plan=Manifest(tuple(range(15))))
+    study = replace(make_study(high(FE1=0.9, FE2=0.3), sd=0.002), plan=replace(NO_PLAN, judged=[*range(15)]))
     assert grade_all(study, claims)["A"].grade is Grade.supported
     # From the sixth seed on the arms change places: 10 of 15 seeds are the other way.
     for seed in range(5, 15):

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 from scipy import stats
 
-from ship_trl.study.manifest import Manifest
+from ship_trl.study.manifest import NO_PLAN
 from ship_trl.study.statistics import FREEDOM_FACTOR, Estimate, estimate_mean, p_above, standard_error
 from ship_trl.study.study import Study
 from studies.paper.claims import OURS
@@ -23,6 +23,8 @@ from studies.paper.judge import (
     seeds_needed,
 )
 from tests.study.synthetic import make_study, told
+
+FIFTEEN = replace(NO_PLAN, judged=[*range(15)])
 
 
 def high(**ends: float) -> dict[tuple[str, str, str], float]:
@@ -94,7 +96,7 @@ def test_a_claim_of_no_more_is_supported_within_the_margin() -> None:
 def test_looks_follow_the_plan_and_not_what_is_there() -> None:
     study = make_study(high(FE1=0.62, FE2=0.6), seeds=5, sd=0.01)
     five = judge_all(study, [claim("A", ("FE1", "FE2"))])[0]
-    planned = replace(study, plan=Manifest(tuple(range(15))))
+    planned = replace(study, plan=FIFTEEN)
     assert study.looks == (5,) and planned.looks == (5, 10, 15)
     first = judge_all(planned, [claim("A", ("FE1", "FE2"))])[0]
     # The first of three looks is stricter, and a second that is not whole decides nothing.
@@ -103,7 +105,7 @@ def test_looks_follow_the_plan_and_not_what_is_there() -> None:
 
 
 def test_what_a_look_decided_is_what_is_told_while_the_next_is_under_way() -> None:
-    study = replace(make_study(high(FE1=0.9, FE2=0.3, FE3=0.3), 7, sd=0.002), plan=Manifest(tuple(range(15))))
+    study = replace(make_study(high(FE1=0.9, FE2=0.3, FE3=0.3), 7, sd=0.002), plan=FIFTEEN)
     sure, none = judge_all(study, [claim("A", ("FE1", "FE2")), claim("B", ("FE2", "FE3"))])
     assert (sure.verdict, sure.decided, sure.missing) == (Verdict.supported, 5, 0)
     assert sure.findings[0].found.seeds == 5 and sure.level < 0.001
@@ -115,7 +117,7 @@ def test_what_a_look_decided_is_what_is_told_while_the_next_is_under_way() -> No
 def test_seeds_that_come_later_undo_no_decision() -> None:
     places = high(FE1=0.9, FE2=0.3, FE3=0.32, FT1=0.3)
     claims = [claim(f"{a}{b}", (a, b)) for a in ("FE1", "FE3") for b in ("FE2", "FT1")]
-    whole = replace(make_study(places, 20, sd=0.004), plan=Manifest(tuple(range(15))))
+    whole = replace(make_study(places, 20, sd=0.004), plan=FIFTEEN)
     assert whole.looks == (5, 10, 15)
     decided: dict[str, tuple[Verdict, int]] = {}
     for count in range(5, 21):

@@ -9,7 +9,7 @@ from collections.abc import Callable
 from functools import partial
 from pathlib import Path
 
-from benchmarks import curves, encounters, gpu, grades
+from benchmarks import curves, encounters, gpu
 from benchmarks.work import require_peers
 from ship_trl.cli.errors import refusals
 from ship_trl.cli.parser import make_parser
@@ -29,7 +29,6 @@ PARTS = {
 ALONE = {
     "encounters": ("What policies do in suites of encounters", encounters.main),
     "curves": ("Success over minutes of training beside Stable-Baselines3", curves.main),
-    "grades": ("How often each grade of a claim comes out, by what is true", grades.main),
     "gpu": ("Simulation, updates and training loops on a GPU", gpu.main),
 }
 

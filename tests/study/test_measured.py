@@ -45,18 +45,12 @@ def changed(**cells: str) -> tuple[str, ...]:
     "row",
     [
         ROW[:3],
-        (*ROW, "more"),
         changed(source="../3"),
-        changed(source="-m"),
         changed(arm="FT3; rm\x1b[2J"),
-        changed(arm="FT9"),
         changed(profile="endless"),
         changed(epsilon_start="7"),
-        changed(seeds="many"),
         changed(gain="inf", high="inf"),
-        changed(gain="much"),
         changed(low="nan"),
-        changed(low="0.06"),
         changed(high="0.04"),
     ],
 )

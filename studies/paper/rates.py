@@ -1,4 +1,4 @@
-"""`python -m benchmarks grades`: how often each grade comes out, by what is true (studies/paper/grades.md).
+"""`python -m studies.paper.rates`: how often each grade (grades.md) comes out, by what is true.
 
 Grades the claims of a study. Then it grades data whose truth is known: arms shuffled within each seed, and
 differences moved to zero, to the margin, and to the possible gain.
@@ -77,8 +77,8 @@ class Samples:
 
 def main(arguments: list[str]) -> None:
     """Grade, simulate, and print a table."""
-    parser = make_parser("grades", __doc__)
-    parser.prog = "python -m benchmarks grades"
+    parser = make_parser("rates", __doc__)
+    parser.prog = "python -m studies.paper.rates"
     parser.add_argument("folder", nargs="?", type=Path, default=FOLDER, help=f"a study (default {FOLDER})")
     add_number(parser, "--draws", Positive, 200, "simulated studies a row (default 200)")
     parser.add_argument("--markdown", action="store_true", help="print a Markdown table")
@@ -208,3 +208,7 @@ def mean_counts(draws: Sequence[Sequence[Grade]]) -> Counts:
     """Return the mean number of claims of each grade over draws."""
     found = [count_grades(grades) for grades in draws]
     return {grade: float(np.mean([count[grade] for count in found])) for grade in Grade}
+
+
+if __name__ == "__main__":
+    main(sys.argv[1:])

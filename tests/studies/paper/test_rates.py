@@ -6,8 +6,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from benchmarks import grades as benchmark
 from ship_trl.study.statistics import Estimate, Sample, estimate_mean, p_below
+from studies.paper import rates
 from studies.paper.contrasts import Claimed, Spread, add_p_values, beats
 from studies.paper.judge import Claim, Finding, Grade, measure_parts
 from tests.study.synthetic import make_study, write_study
@@ -34,8 +34,8 @@ def test_p_values_of_all_draws_are_those_of_each(claimed: Claimed, seeds: int) -
     # The last draw is one seed again and again, so that nothing varies.
     chosen = np.random.default_rng(1).integers(0, seeds, (20, seeds))
     chosen[-1] = 0
-    samples, size = benchmark.sample(one, chosen), 2.0
-    p, against, small = benchmark.p_values(one, samples, size, len(chosen))
+    samples, size = rates.sample(one, chosen), 2.0
+    p, against, small = rates.p_values(one, samples, size, len(chosen))
     is_above = claimed is Claimed.above
     assert (small is not None) is is_above
     for k, seeds_of_draw in enumerate(chosen):
@@ -48,7 +48,7 @@ def test_p_values_of_all_draws_are_those_of_each(claimed: Claimed, seeds: int) -
 
 def test_grades_follow_the_truth() -> None:
     claims = [findings(3), findings(2), findings(1)]
-    counts = benchmark.moved(claims, SHARE, 20)
+    counts = rates.moved(claims, SHARE, 20)
     nothing, margin, gain = counts.values()
     assert [*counts] == ["moved to nothing", "moved to the margin", "moved to what could be gained"]
     assert nothing[Grade.size_excluded] + nothing[Grade.undetermined] > 2.5
@@ -61,11 +61,11 @@ def test_parts_without_a_known_size_stay_at_zero() -> None:
     (unknown,) = findings(1)
     unknown = contrast("b", np.array(unknown.found.differences))
     for one in (spread, unknown):
-        gain = benchmark.moved([[*findings(1), one]], SHARE, 20)["moved to what could be gained"]
+        gain = rates.moved([[*findings(1), one]], SHARE, 20)["moved to what could be gained"]
         assert gain[Grade.leaning_for] > 0.8
     (bounded,) = findings(1, Claimed.no_more)
-    assert all(one[Grade.supported] > 0.8 for one in benchmark.moved([[bounded]], SHARE, 20).values())
-    assert benchmark.moved([[]], SHARE, 3)["moved to nothing"][Grade.undetermined] == 1
+    assert all(one[Grade.supported] > 0.8 for one in rates.moved([[bounded]], SHARE, 20).values())
+    assert rates.moved([[]], SHARE, 3)["moved to nothing"][Grade.undetermined] == 1
 
 
 def test_shuffled_labels_show_nothing_where_the_study_shows_much() -> None:
@@ -75,14 +75,14 @@ def test_shuffled_labels_show_nothing_where_the_study_shows_much() -> None:
     claims = [Claim("A", "5", "", tests), Claim("B", "5", "", [Spread("high", "FE1", "FE2")])]
     (parts, _) = measure_parts(study, claims).values()
     assert max(one.found.p for one in parts) < 0.001
-    counts = benchmark.shuffled(study, 10, claims)
+    counts = rates.shuffled(study, 10, claims)
     assert counts[Grade.size_excluded] + counts[Grade.undetermined] > 1.6
-    assert counts == benchmark.shuffled(study, 10, claims)
+    assert counts == rates.shuffled(study, 10, claims)
 
 
 def test_shuffling_keeps_target_and_seed_of_each_run() -> None:
     study = make_study({("pairs", "high", arm): 0.5 for arm in ("scratch", "FE1", "FE2")}, seeds=4)
-    made = benchmark.shuffle(study, np.random.default_rng(0))
+    made = rates.shuffle(study, np.random.default_rng(0))
     assert made.records.keys() == study.records.keys()
     assert all(record.seed == key[3] for key, record in made.records.items())
     assert sorted(map(id, made.records.values())) == sorted(map(id, study.records.values()))
@@ -91,7 +91,7 @@ def test_shuffling_keeps_target_and_seed_of_each_run() -> None:
 
 def test_from_arguments_to_table(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     write_study(tmp_path, seeds=5)
-    benchmark.main([str(tmp_path), "--draws", "2", "--markdown"])
+    rates.main([str(tmp_path), "--draws", "2", "--markdown"])
     said, _, table = capsys.readouterr().out.partition("\n\n")
     assert said.startswith("Mean number of the 31 claims with each grade, 2 draws a row.")
     head, _, *rows = table.strip().splitlines()
@@ -103,6 +103,6 @@ def test_from_arguments_to_table(tmp_path: Path, capsys: pytest.CaptureFixture[s
 def test_wrong_input_is_one_line(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     for words, said in (([str(tmp_path)], "no finished run"), (["--draws", "0"], "--draws: must be")):
         with pytest.raises(SystemExit):
-            benchmark.main(words)
+            rates.main(words)
         error = capsys.readouterr().err
         assert said in error and error.count("\n") == 1

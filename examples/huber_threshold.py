@@ -16,7 +16,7 @@ import torch
 from matplotlib.figure import Figure
 
 from ship_trl.config.types import Loss
-from ship_trl.learn.loss import td_loss
+from ship_trl.learn.q_learning import td_loss
 
 COLLISION = -20.0
 SHARES = np.linspace(0.01, 0.5, 25)

@@ -14,7 +14,7 @@ from torch import Tensor
 from ship_trl.learn import double_dqn
 from ship_trl.learn.algorithm import Setup
 from ship_trl.learn.double_dqn import DoubleDQN
-from ship_trl.learn.loss import DoubleDQNLoss, td_loss
+from ship_trl.learn.q_learning import DoubleDQNLoss, td_loss
 
 # Weight of the log-probability, its least value, and the temperature of the policy in scaled rewards.
 ALPHA, LEAST, TEMPERATURE = 0.9, -1.0, 0.03

@@ -1,6 +1,6 @@
 """Train with a loss of one's own: a Q-value that is too high costs more than one that is too low.
 
-python examples/own_loss.py 20000      # replay, policies and target updater are the project's
+python examples/own_loss.py 20000      # replay and policies are the project's, optimiser and updater stock
 """
 
 import sys
@@ -8,11 +8,12 @@ import sys
 import torch
 from tensordict import TensorDict, TensorDictBase
 from torchrl.modules import QValueActor
+from torchrl.objectives import SoftUpdate
 
 from ship_trl import make_env
-from ship_trl.learn.loss import DoubleDQNLoss, ForeachSoftUpdate
 from ship_trl.learn.network import DuelingNetwork
 from ship_trl.learn.policy import EpsilonGreedy, greedy_policy
+from ship_trl.learn.q_learning import DoubleDQNLoss
 from ship_trl.learn.replay import DrawPixels, StateReplay
 from ship_trl.learn.rollout import rollout
 
@@ -38,7 +39,7 @@ def main(steps: int) -> None:
     draw, actions = env.rasteriser, env.action_spec.n
     network = DuelingNetwork(1, actions, generators[0])
     loss = CautiousLoss(QValueActor(network, in_keys=["pixels"], action_space="categorical"), gamma=0.95)
-    target_update, optimiser = ForeachSoftUpdate(loss, tau=0.02), torch.optim.Adam(network.parameters(), 5e-4)
+    target_update, optimiser = SoftUpdate(loss, tau=0.02), torch.optim.Adam(network.parameters(), 5e-4)
     replay = StateReplay(10_000, 0.1, generators[1], env.device, transform=DrawPixels(draw))
     policy = EpsilonGreedy(lambda state: network(draw(state)).argmax(-1), "state", actions, generators[2])
     current = env.reset()

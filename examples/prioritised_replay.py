@@ -19,7 +19,7 @@ from ship_trl.config.errors import ConfigError
 from ship_trl.learn import double_dqn
 from ship_trl.learn.algorithm import Setup
 from ship_trl.learn.double_dqn import DoubleDQN
-from ship_trl.learn.loss import DoubleDQNLoss, double_dqn_target
+from ship_trl.learn.q_learning import DoubleDQNLoss, td_target
 from ship_trl.learn.replay import StateReplay
 
 
@@ -70,8 +70,8 @@ class WeightedLoss(DoubleDQNLoss):
         (key,), following = self.value_network_in_keys, tensordict["next"]
         with torch.no_grad():
             both = self.network(following[key]), self.target_network(following[key])
-            td_target = double_dqn_target(*both, following["reward"], following["terminated"], self.gamma)
-        error = self.network(tensordict[key]).gather(-1, tensordict["action"].unsqueeze(-1)) - td_target
+            wanted = td_target(*both, following["reward"], following["terminated"], self.gamma)
+        error = self.network(tensordict[key]).gather(-1, tensordict["action"].unsqueeze(-1)) - wanted
         tensordict.set("td_error", error.detach().abs())
         return TensorDict({"loss": (tensordict["weight"] * error.square()).mean()})
 

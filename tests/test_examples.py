@@ -15,11 +15,12 @@ from tensordict import TensorDict
 from torch.distributions import Categorical
 from torchrl.data.replay_buffers.samplers import prioritized
 from torchrl.modules import QValueActor
+from torchrl.objectives import SoftUpdate
 
 from ship_trl.cli.evaluate import main
 from ship_trl.config.types import Loss
-from ship_trl.learn.loss import DoubleDQNLoss, ForeachSoftUpdate
 from ship_trl.learn.network import DuelingNetwork
+from ship_trl.learn.q_learning import DoubleDQNLoss
 from ship_trl.learn.train import train
 from tests.command import ROOT, ship_trl
 from tests.forked import run_script
@@ -74,7 +75,7 @@ def test_the_soft_target_is_that_of_munchausen_dqn() -> None:
     loss = MunchausenLoss(
         QValueActor(network, in_keys=["pixels"], action_space="categorical"), kind=Loss["l2"], gamma=0.9
     )
-    ForeachSoftUpdate(loss, tau=0.1)
+    SoftUpdate(loss, tau=0.1)
     batch = two_steps()
     policy = Categorical(logits=network(batch["pixels"]) / TEMPERATURE)
     after = Categorical(logits=network(batch["next", "pixels"]) / TEMPERATURE)
@@ -107,10 +108,10 @@ def test_weights_of_transitions_weigh_their_errors() -> None:
 
     actor = QValueActor(torch.nn.Linear(2, 7), in_keys=["pixels"], action_space="categorical")
     loss = WeightedLoss(actor, gamma=0.9)
-    ForeachSoftUpdate(loss, tau=0.1)
+    SoftUpdate(loss, tau=0.1)
     batch = two_steps().set("weight", torch.ones(2, 1))
     plain = DoubleDQNLoss(actor, gamma=0.9, write_td_error=False)
-    ForeachSoftUpdate(plain, tau=0.1)
+    SoftUpdate(plain, tau=0.1)
     torch.testing.assert_close(loss(batch)["loss"], plain(batch)["loss"])
     errors = batch["td_error"].squeeze(-1)
     batch["weight"] = torch.tensor([[1.0], [0.0]])
@@ -190,7 +191,7 @@ def test_the_example_loss_is_pessimistic() -> None:
 
     network = torch.nn.Linear(2, 7)
     loss = CautiousLoss(QValueActor(network, in_keys=["pixels"], action_space="categorical"), gamma=0.0)
-    ForeachSoftUpdate(loss, tau=0.1)
+    SoftUpdate(loss, tau=0.1)
     state, action = torch.rand(2, 2), torch.tensor([1, 2])
     q = network(state).gather(-1, action[:, None]).detach()
     after = {"pixels": state, "reward": q + torch.tensor([[1.0], [-1.0]]), "terminated": torch.ones(2, 1) > 0}

@@ -58,7 +58,7 @@ RECIPES = {
     ],
     "loss": [
         ("ship_trl/config/types.py", f"{LOSSES}])", f'{LOSSES}, "log_cosh"])'),
-        ("ship_trl/learn/loss.py", "    raise ValueError(", f"{LOSS}    raise ValueError("),
+        ("ship_trl/learn/q_learning.py", "    raise ValueError(", f"{LOSS}    raise ValueError("),
     ],
     "metric": [("ship_trl/study/metrics.py", METRICS, f'{METRIC}{METRICS}    "worst": worst,\n')],
     "claim": [("studies/paper/claims.py", "OURS = [\n", f"OURS = [\n{CLAIM}")],

@@ -10,16 +10,17 @@ import torch
 from tensordict import NestedKey, TensorDictBase
 from torch import Tensor
 from torchrl.modules import QValueActor
+from torchrl.objectives import SoftUpdate
 
 from ship_trl.config.types import Learn
 from ship_trl.learn.algorithm import LearningHooks, Setup
 from ship_trl.learn.backend import Draw, make_backend
 from ship_trl.learn.dense import Dense
-from ship_trl.learn.loss import DoubleDQNLoss, ForeachSoftUpdate
 from ship_trl.learn.network import DuelingNetwork
 from ship_trl.learn.optimiser import ChannelsLastAdam, learning_groups
 from ship_trl.learn.policy import EpsilonGreedy, greedy_policy
 from ship_trl.learn.prefix import add_prefix, copy_exactly, strip_prefix
+from ship_trl.learn.q_learning import DoubleDQNLoss, update
 from ship_trl.learn.replay import DrawPixels, StateReplay, make_batch
 from ship_trl.learn.rollout import Policy
 from ship_trl.learn.schedule import epsilon_at, learning_rate_at
@@ -40,7 +41,6 @@ class DoubleDQN:
 
     Args:
         loss: of a batch, with the online and the target network.
-        target_update: moves the target network after each update.
         optimiser: of the layers that learn.
         replay: stores the transitions and draws batches.
         policy: explores.
@@ -54,7 +54,6 @@ class DoubleDQN:
     def __init__(
         self,
         loss: DoubleDQNLoss,
-        target_update: ForeachSoftUpdate,
         optimiser: ChannelsLastAdam,
         replay: StateReplay,
         policy: EpsilonGreedy,
@@ -64,7 +63,7 @@ class DoubleDQN:
         encoders: Mapping[str, Callable[[Tensor], Tensor]] | None = None,
         capture: Capture | None = None,
     ) -> None:
-        self.loss, self.target_update, self.optimiser = loss, target_update, optimiser
+        self.loss, self.optimiser = loss, optimiser
         self.replay, self.policy, self._draw, self._learn = replay, policy, draw, learn
         self._method: LearningHooks = method or LearningHooks()
         self.encoders: Mapping[str, Callable[[Tensor], Tensor]] = dict(encoders or {})
@@ -76,16 +75,19 @@ class DoubleDQN:
         # A loss of one's own may write into the batch or draw numbers.
         is_plain = not loss.write_td_error and type(loss).forward is DoubleDQNLoss.forward
         self._capture = capture if is_plain else None
-        self._renew()
-
-    def _renew(self) -> None:
-        """Make what depends on the loss: network and policy of evaluations, and the graph of gradient steps.
-
-        Evaluations compute whole frames in float32.
-        """
-        self.network: DuelingNetwork = copy.copy(self.loss.target_network)
+        # Else TorchRL warns that nothing moves the target network; `update` does.
+        SoftUpdate(loss, tau=learn.tau)
+        # Evaluations compute whole frames in float32.
+        self.network: DuelingNetwork = copy.copy(loss.target_network)
         self.network.backend = Dense()
-        self.greedy: Policy = greedy_policy(self.network, self._draw)
+        self.greedy: Policy = greedy_policy(self.network, draw)
+        self._find_learning()
+
+    def _find_learning(self) -> None:
+        """Find the parameters that learn, and capture gradient steps anew: a graph has its parameters."""
+        online, target = self.online_network.named_parameters(), dict(self.network.named_parameters())
+        learning = {name: parameter for name, parameter in online if parameter.requires_grad}
+        self._learning = list(learning.values()), [target[name] for name in learning]
         self._graph = GradientStep(self._learn_from, self._capture) if self._capture else None
 
     @property
@@ -128,28 +130,18 @@ class DoubleDQN:
         loss = self.loss(batch)["loss"]
         if (penalty := self._method.penalty(self.online_network, batch)) is not None:
             loss = loss + penalty
-        self.optimiser.zero_grad(set_to_none=True)
-        loss.backward()
-        self.optimiser.step()
-        self.target_update.step()
-        return loss.detach()
+        return update(loss, *self._learning, self.optimiser, self._learn.tau)
 
     def freeze(self, layers: int) -> None:
-        """Freeze the first `layers` layers, and let the others learn.
-
-        Loss and target updater fix their lists of parameters when they are built, so they are built anew:
-        else a thawed layer would train while its target stands still.
-        """
+        """Freeze the first `layers` layers, and let the others learn."""
         if layers == self.online_network.frozen:
             return
+        for network in (self.online_network, self.loss.target_network, self.network):
+            network.frozen = layers
         self.online_network.freeze(layers)
-        averages = self.loss.target_network.state_dict()
-        self.loss = self.loss.rebuild()
-        # An updater begins by copying the online network.
-        self.target_update = ForeachSoftUpdate(self.loss, tau=self._learn.tau)
-        self.loss.target_network.load_state_dict(averages)
+        self.loss.share_frozen()
         self.optimiser.add_thawed(self.online_network)
-        self._renew()
+        self._find_learning()
 
     def state_dict(self) -> dict[str, Tensor]:
         """Return networks, Adam's averages, replay, generators and counters; tensors are not copied."""
@@ -206,8 +198,12 @@ def build(
     make_replay: Callable[..., StateReplay] = StateReplay,
     make_loss: type[DoubleDQNLoss] = DoubleDQNLoss,
     make: type[DoubleDQN] = DoubleDQN,
+    n: int = 1,
 ) -> DoubleDQN:
-    """Make double DQN, or one with another replay, loss or update, which take the same arguments."""
+    """Make double DQN, or one with another replay, loss or update, which take the same arguments.
+
+    Targets bootstrap after `n` rewards.
+    """
     network, draw, learn, method = setup.network, setup.draw, setup.learn, setup.method
     device = network.advantage.weight.device
     network.freeze(method.frozen_layers(0.0))
@@ -242,7 +238,6 @@ def build(
 
     return make(
         loss=loss,
-        target_update=ForeachSoftUpdate(loss, tau=learn.tau),
         optimiser=ChannelsLastAdam(learning_groups(network, method.rate_factor), lr=learn.lr),
         replay=make_replay(
             learn.replay_size,
@@ -252,6 +247,7 @@ def build(
             observation,
             None if encoders else DrawPixels(draw),
             encode=encoders.get(FEATURES),
+            **({"n": n, "gamma": learn.gamma} if n > 1 else {}),
         ),
         policy=EpsilonGreedy(best, observation, setup.num_actions, setup.exploration),
         draw=draw,

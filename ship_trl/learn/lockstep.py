@@ -9,6 +9,7 @@ environment steps, not episodes; random numbers are drawn in another way than in
 from __future__ import annotations
 
 from collections.abc import Callable, Collection, Sequence
+from functools import partial
 from typing import Any, Protocol
 
 import torch
@@ -17,9 +18,9 @@ from torch.func import stack_module_state
 
 from ship_trl.config.types import Learn
 from ship_trl.learn.backend import choose_dtype
-from ship_trl.learn.loss import double_dqn_target, td_loss
 from ship_trl.learn.network import DuelingNetwork
 from ship_trl.learn.optimiser import ChannelsLastAdam
+from ship_trl.learn.q_learning import Batch, double_dqn_loss, sum_rewards, update
 from ship_trl.learn.schedule import epsilon_at, learning_rate_at
 from ship_trl.learn.stacked import make_stacked_q
 
@@ -105,10 +106,12 @@ class Lockstep:
         self.online: Parameters = {
             name: value.clone().requires_grad_() for name, value in self.target.items()
         }
-        self._learns: Parameters = {
-            name: torch.tensor([float(name.split(".")[0] not in one) for one in frozen], device=device)
-            for name in stacked
-        }
+        self._learns = [
+            torch.tensor([float(name.split(".")[0] not in one) for one in frozen], device=device).view(
+                -1, *[1] * (value.dim() - 1)
+            )
+            for name, value in stacked.items()
+        ]
         self._q = make_stacked_q(networks[0], choose_dtype(learn.precision, device))
         self._exact_q = make_stacked_q(networks[0])
         captured = capture or (lambda function: function)
@@ -177,15 +180,15 @@ class Lockstep:
         number = (age * held).long()
         oldest = kept - held
         row = (oldest + number) % self._size
-        reward, last, goes_on = self._reward[row, agent, env].clone(), number, ~self._ends[row, agent, env]
-        length = torch.ones_like(number)
-        for later in range(1, self.n):
-            # Rows that are not stored yet are left out: the target bootstraps earlier.
-            goes_on = goes_on & (last + 1 < held)
-            last = last + goes_on
-            at = (oldest + last) % self._size
-            reward = reward + self.learn.gamma**later * self._reward[at, agent, env] * goes_on
-            length, goes_on = length + goes_on, goes_on & ~self._ends[at, agent, env]
+
+        def read(number: Tensor) -> tuple[Tensor, Tensor]:
+            at = (oldest + number) % self._size, agent, env
+            return self._reward[at], self._ends[at]
+
+        def follow(number: Tensor) -> tuple[Tensor, Tensor]:
+            return number + 1, number + 1 < held
+
+        reward, last, length = sum_rewards(self.n, self.learn.gamma, number, read, follow)
         at = (oldest + last) % self._size
         return (
             self._before[row, agent, env],
@@ -205,27 +208,19 @@ class Lockstep:
     def _learn_from(self, states: Tensor, action: Tensor, *rest: Tensor) -> Tensor:
         """Do what `_update` says with a batch of `sample`; return the loss."""
         learn, (reward, following, terminated, length) = self.learn, rest
-        with torch.no_grad():
-            seen = self.observe(following)
-            td_target = double_dqn_target(
-                self._q(self.online, seen),
-                self._q(self.target, seen),
-                reward * learn.reward_scale,
-                terminated,
-                learn.gamma**length,
-            )
-        q = self._q(self.online, self.observe(states)).gather(-1, action[..., None])
-        # The mean over the agents times their number: the sum of their losses.
-        loss = len(q) * td_loss(q, td_target, learn.loss, learn.huber_delta)
-        gradients = torch.autograd.grad(loss, list(self.online.values()))
-        for (name, parameter), gradient in zip(self.online.items(), gradients, strict=True):
-            learns = self._learns[name]
-            parameter.grad = gradient.mul_(learns.view(-1, *[1] * (gradient.dim() - 1)))
-        self._optimiser.step()
-        torch._foreach_lerp_(
-            list(self.target.values()), [value.detach() for value in self.online.values()], learn.tau
+        batch = Batch(
+            self.observe(states),
+            action,
+            reward * learn.reward_scale,
+            self.observe(following),
+            terminated,
+            learn.gamma**length,
         )
-        return loss.detach()
+        networks = partial(self._q, self.online), partial(self._q, self.target)
+        loss, _ = double_dqn_loss(*networks, batch, learn.loss, learn.huber_delta)
+        # The mean over the agents times their number: the sum of their losses.
+        parameters = list(self.online.values()), list(self.target.values())
+        return update(len(action) * loss, *parameters, self._optimiser, learn.tau, self._learns)
 
     def evaluate(self, begin: Tensor) -> tuple[Tensor, Tensor]:
         """Run greedy episodes: return their returns, float64 [K, M], and if they reach the goal, bool [K, M].

@@ -20,10 +20,10 @@ from ship_trl.learn import settings as settings_of
 from ship_trl.learn.algorithm import Setup, Teacher
 from ship_trl.learn.backend import Draw, make_backend
 from ship_trl.learn.double_dqn import DoubleDQN
-from ship_trl.learn.loss import DoubleDQNLoss, ForeachSoftUpdate
 from ship_trl.learn.network import DuelingNetwork
 from ship_trl.learn.optimiser import ChannelsLastAdam, learning_groups
 from ship_trl.learn.policy import EpsilonGreedy
+from ship_trl.learn.q_learning import DoubleDQNLoss
 from ship_trl.learn.replay import StateReplay
 
 
@@ -53,12 +53,6 @@ class PupilLoss(DoubleDQNLoss):
     ) -> None:
         super().__init__(value_network, **others)
         self.teacher, self.draw, self.mirror, self.settings = teacher, draw, mirror, settings
-
-    def rebuild(self) -> PupilLoss:
-        """Make this loss anew around its network, after layers were frozen or thawed."""
-        actor = QValueActor(self.network, in_keys=self.value_network_in_keys, action_space="categorical")
-        others = {"huber_delta": self.huber_delta, "gamma": float(self.gamma)}
-        return type(self)(actor, self.teacher, self.draw, self.mirror, self.settings, **others)
 
     def forward(self, tensordict: TensorDictBase) -> TensorDict:
         """Compute the loss of `state` [B, S], and write what the network sees of it."""
@@ -124,7 +118,6 @@ def build(setup: Setup) -> Pupil:
         mixture,
         settings.own_fraction,
         loss=loss,
-        target_update=ForeachSoftUpdate(loss, tau=learn.tau),
         optimiser=ChannelsLastAdam(learning_groups(network, setup.method.rate_factor), lr=learn.lr),
         replay=StateReplay(learn.replay_size, learn.reward_scale, setup.replay, device),
         policy=EpsilonGreedy(mixture, "state", setup.num_actions, setup.exploration),

@@ -15,8 +15,11 @@ from torchrl.data import ReplayBuffer, RoundRobinWriter, Storage, TensorDictRepl
 from torchrl.envs.transforms import Transform
 
 from ship_trl.learn.prefix import strip_prefix
+from ship_trl.learn.q_learning import STEPS, sum_rewards
 
 STATES: tuple[NestedKey, ...] = ("state", ("next", "state"))
+# How many rows later the same environment's next transition is stored.
+STRIDE = "stride"
 # Number of steps that are collected before they are written to the storage.
 MAX_PENDING = 256
 
@@ -35,16 +38,26 @@ class DrawPixels(Transform):
 class TransitionStorage(Storage):
     """Storage with one tensor per key, which needs a third of `LazyTensorStorage`'s time.
 
-    Writes and reads are small, so tensordicts would take most of the time. `get` omits the `hidden` keys.
+    Writes and reads are small: tensordicts would take most of the time. `get` omits the `hidden` keys. With
+    `n` above 1, `reward` is the discounted sum of up to `n` steps, `next` is what follows the last of them,
+    and `steps_to_next_obs` [B, 1] counts them: all is computed when a batch is read.
+
+    Attributes:
+        newest: row of the last transition.
     """
 
     def __init__(
-        self, capacity: int, device: torch.device, hidden: frozenset[NestedKey] = frozenset()
+        self,
+        capacity: int,
+        device: torch.device,
+        hidden: frozenset[NestedKey] = frozenset(),
+        n: int = 1,
+        gamma: float = 1.0,
     ) -> None:
         super().__init__(capacity)
-        self.device, self.hidden = device, hidden
+        self.device, self.hidden, self._n, self._gamma = device, hidden, n, gamma
         self._rows: dict[NestedKey, Tensor] = {}
-        self._len = 0
+        self._len = self.newest = 0
 
     def __len__(self) -> int:
         return self._len
@@ -65,14 +78,35 @@ class TransitionStorage(Storage):
             rows[where] = data.get(key)
         if set_cursor:
             self._set_last_cursor(cursor)
-            last = int(cursor.max()) if isinstance(cursor, Tensor) else int(cursor)
-            self._len = max(self._len, last + 1)
+            rows = cursor.tolist() if isinstance(cursor, Tensor) and cursor.dim() else [int(cursor)]
+            self._len, self.newest = max(self._len, *(row + 1 for row in rows)), rows[-1]
         self._bump_mutation_revision()
 
     def get(self, index: Any) -> TensorDict:
         """Read the rows `index` [B] as a tensordict [B]."""
+        if self._n > 1:
+            return self._get_n_step(torch.arange(self._len, device=self.device)[index])
         shown = {k: rows[: self._len][index] for k, rows in self._rows.items() if k not in self.hidden}
         return make_batch(shown, self.device)
+
+    def _get_n_step(self, index: Tensor) -> TensorDict:
+        """Read the rows `index` [B] with what follows the last of their steps."""
+
+        def read(row: Tensor) -> tuple[Tensor, Tensor]:
+            return self._rows["next", "reward"][row, 0], self._rows["next", "done"][row, 0]
+
+        def follow(row: Tensor) -> tuple[Tensor, Tensor]:
+            stride = self._rows[STRIDE][row]
+            return (row + stride) % self.max_size, (self.newest - row) % self.max_size >= stride
+
+        reward, last, count = sum_rewards(self._n, self._gamma, index, read, follow)
+        shown: dict[NestedKey, Tensor] = {
+            key: values[index if isinstance(key, str) else last]
+            for key, values in self._rows.items()
+            if key not in self.hidden and key != STRIDE
+        }
+        summed: dict[NestedKey, Tensor] = {("next", "reward"): reward[:, None], STEPS: count[:, None]}
+        return make_batch(shown | summed, self.device)
 
     def rows(self) -> dict[NestedKey, Tensor]:
         """Return the stored tensors [L, ...] by key, also hidden ones, without copying them."""
@@ -95,14 +129,15 @@ class TransitionStorage(Storage):
 
     def state_dict(self) -> dict[str, Any]:
         """Return the transitions and their number."""
-        return {"rows": {key: rows.clone() for key, rows in self._rows.items()}, "length": self._len}
+        rows = {key: rows.clone() for key, rows in self._rows.items()}
+        return {"rows": rows, "length": self._len, "newest": self.newest}
 
     def load_state_dict(self, state_dict: dict[str, Any]) -> None:
         """Load what `state_dict` of a storage of this capacity returned; raise ValueError for another one."""
         for rows in state_dict["rows"].values():
             check_capacity(len(rows), self.max_size)
         self._rows = {key: rows.to(self.device, copy=True) for key, rows in state_dict["rows"].items()}
-        self._len = state_dict["length"]
+        self._len, self.newest = state_dict["length"], state_dict["newest"]
 
     def dumps(self, path: Any) -> None:
         """Raise an error: use `state_dict`."""
@@ -152,7 +187,8 @@ class StateReplay(TensorDictReplayBuffer):
         batch_size: default of `sample()` and of iteration.
         encode: maps states [N, S] to the observation [N, ...]. The replay then stores both, but a checkpoint
             only the states: observations are a hundred times larger.
-        make_storage: class of the storage.
+        n: rewards before a target bootstraps.
+        gamma: discount per step of these rewards.
     """
 
     def __init__(
@@ -165,14 +201,15 @@ class StateReplay(TensorDictReplayBuffer):
         transform: Transform | None = None,
         batch_size: int | None = None,
         encode: Callable[[Tensor], Tensor] | None = None,
-        make_storage: type[TransitionStorage] = TransitionStorage,
+        n: int = 1,
+        gamma: float = 1.0,
     ) -> None:
         # Writing one step costs as much as writing many, so steps are collected until a batch is drawn.
         self._pending: list[dict[NestedKey, Tensor]] = []
         self.reward_scale, self.observation = reward_scale, observation
-        self.generator, self._encode = generator, encode
+        self.generator, self._encode, self._n = generator, encode, n
         hidden = frozenset[NestedKey](STATES if encode is not None else ())
-        storage, writer = make_storage(capacity, device, hidden), RoundRobinWriter()
+        storage, writer = TransitionStorage(capacity, device, hidden, n, gamma), RoundRobinWriter()
         super().__init__(
             storage=storage,
             writer=writer,
@@ -197,14 +234,20 @@ class StateReplay(TensorDictReplayBuffer):
         """Return what is stored of a step: copies, because the caller may reuse its memory."""
         following = step.get("next")
         extra_keys = STATES if self._encode is not None else ()
-        return {key: step.get(key).clone() for key in extra_keys} | {
-            self.observation: step.get(self.observation).clone(),
-            "action": step.get("action").clone(),
-            ("next", self.observation): following.get(self.observation).clone(),
-            ("next", "reward"): following.get("reward") * self.reward_scale,
-            ("next", "done"): following.get("done").clone(),
-            ("next", "terminated"): following.get("terminated").clone(),
-        }
+        count = step.batch_size[0]
+        strides = {STRIDE: torch.full((count,), count, device=step.device)} if self._n > 1 else {}
+        return (
+            strides
+            | {key: step.get(key).clone() for key in extra_keys}
+            | {
+                self.observation: step.get(self.observation).clone(),
+                "action": step.get("action").clone(),
+                ("next", self.observation): following.get(self.observation).clone(),
+                ("next", "reward"): following.get("reward") * self.reward_scale,
+                ("next", "done"): following.get("done").clone(),
+                ("next", "terminated"): following.get("terminated").clone(),
+            }
+        )
 
     def add(self, data: TensorDictBase) -> None:
         """Store one step of one environment."""
@@ -255,6 +298,7 @@ class StateReplay(TensorDictReplayBuffer):
         if rows:
             self._recompute(rows)
         self._writer.load_state_dict({"_cursor": cursor, "_write_count": count})
+        self._storage.newest = (cursor - 1) % self._storage.max_size
         self.generator.set_state(state["generator"].cpu())
 
     def _computed_keys(self) -> dict[NestedKey, NestedKey]:

@@ -15,8 +15,8 @@ from ship_trl.fast.worlds import make_rasteriser, make_step
 from ship_trl.learn.algorithm import LearningHooks
 from ship_trl.learn.double_dqn import DoubleDQN, build
 from ship_trl.learn.lockstep import Draws, Lockstep, roll_out
-from ship_trl.learn.loss import STEPS
 from ship_trl.learn.network import DuelingNetwork, VectorNetwork
+from ship_trl.learn.q_learning import STEPS
 from ship_trl.learn.schedule import learning_rate_at
 from ship_trl.sim.cases import load_case
 from ship_trl.sim.state import initial_state

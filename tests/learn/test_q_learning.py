@@ -13,8 +13,8 @@ from torchrl.objectives import DQNLoss, SoftUpdate
 from ship_trl.config.network import geometry, load_network
 from ship_trl.config.types import Loss
 from ship_trl.fast.incremental import Incremental
-from ship_trl.learn.loss import DoubleDQNLoss, ForeachSoftUpdate, td_loss
 from ship_trl.learn.network import DuelingNetwork
+from ship_trl.learn.q_learning import DoubleDQNLoss, td_loss
 from ship_trl.learn.replay import DrawPixels, StateReplay
 from tests.learn.worlds import draw
 
@@ -119,32 +119,13 @@ def test_keys_equal_torchrls() -> None:
     assert torch.equal(by_name, mine(data)["loss"])
 
 
-@pytest.mark.parametrize("frozen", [0, 3])
-def test_the_foreach_soft_update_equals_torchrls(frozen: int) -> None:
-    found = []
-    for update in (SoftUpdate, ForeachSoftUpdate):
-        loss = DoubleDQNLoss(actor(frozen), gamma=0.9)
-        target = update(loss, tau=0.05)
-        for k in range(3):
-            with torch.no_grad():
-                for parameter in loss.parameters():
-                    if parameter.requires_grad:
-                        parameter.add_(parameter.abs().mean() * (k + 1))
-            target.step()
-        found.append(copy.deepcopy(loss.target_network.state_dict()))
-    assert found[0].keys() == found[1].keys()
-    assert all(torch.equal(found[0][key], found[1][key]) for key in found[0])
-    assert not torch.equal(found[0]["value.weight"], actor()[0].module.value.weight)
-
-
-@pytest.mark.parametrize("update", [SoftUpdate, ForeachSoftUpdate])
 @pytest.mark.parametrize("frozen", [0, 2])
 @pytest.mark.parametrize("dtype", [torch.float32, torch.bfloat16])
-def test_changed_weights_invalidate_the_cache(update: Any, frozen: int, dtype: torch.dtype) -> None:
+def test_changed_weights_invalidate_the_cache(frozen: int, dtype: torch.dtype) -> None:
     value_network = actor(frozen)
     value_network[0].module.backend = Incremental(draw.background, dtype, PAPER)
     loss, data = DoubleDQNLoss(value_network, gamma=0.9), batch()
-    target = update(loss, tau=0.5)
+    target = SoftUpdate(loss, tau=0.5)
     learning = [p for p in loss.parameters() if p.requires_grad]
     optimiser = torch.optim.Adam(learning, lr=0.01, fused=True)
     seen = []
@@ -191,10 +172,11 @@ def test_a_loaded_loss_computes_with_the_loaded_weights(frozen: int, dtype: torc
             assert (mine(pixels) - wanted).abs().max() < 0.03 * wanted.abs().max()
 
 
-def test_a_loss_is_cast_whole_and_its_updater_follows() -> None:
-    loss = made(actor())
-    target = ForeachSoftUpdate(loss, tau=0.5)
+def test_a_loss_is_cast_whole_and_its_target_follows() -> None:
+    loss = made(actor(2))
     loss.double()
+    target = SoftUpdate(loss, tau=0.5)
+    assert loss.target_network.conv2 is loss.network.conv2
     assert {p.dtype for p in loss.target_network.parameters()} == {torch.float64}
     with torch.no_grad():
         loss.network.value.bias.add_(1.0)
@@ -208,7 +190,7 @@ def test_a_loss_is_cast_whole_and_its_updater_follows() -> None:
 def test_it_trains_any_network() -> None:
     perceptron = torch.nn.Sequential(torch.nn.Linear(2, 8), torch.nn.ReLU(), torch.nn.Linear(8, 7))
     loss = DoubleDQNLoss(QValueActor(perceptron, in_keys=["state"], action_space="categorical"), gamma=0.9)
-    target = ForeachSoftUpdate(loss, tau=0.1)
+    target = SoftUpdate(loss, tau=0.1)
     data = batch()
     data["state"], data["next", "state"] = torch.rand(2, 12, 2)
     loss(data)["loss"].backward()

@@ -1,0 +1,231 @@
+"""Double Q-learning (equations 1 and 2; van Hasselt) as functions, for one agent or K stacked ones.
+
+Shapes: [..., B] is [B] for one agent and [K, B] for stacked ones. `DoubleDQNLoss` is the same for TorchRL.
+"""
+
+from __future__ import annotations
+
+import copy
+from collections.abc import Callable, Sequence
+from typing import Any, NamedTuple
+
+import torch
+import torch.nn.functional as F
+from tensordict import TensorDict, TensorDictBase
+from tensordict.nn import dispatch
+from torch import Tensor
+from torchrl.modules import QValueActor
+from torchrl.objectives import DQNLoss
+
+from ship_trl.config.types import Loss
+
+# Key of the number of steps whose rewards a transition sums, [B, 1]; one without it.
+STEPS = "steps_to_next_obs"
+# Q-values [..., B, A] of observations.
+Q = Callable[[Tensor], Tensor]
+
+
+class Batch(NamedTuple):
+    """Transitions [..., B]: what was observed and done, int64 [..., B], and what followed.
+
+    `reward` is the sum of the rewards until `following` is observed, `terminated` whether the episode had
+    ended then, `discount` that of a value there; these are [..., B, 1], and `discount` may be a number.
+    """
+
+    observation: Tensor
+    action: Tensor
+    reward: Tensor
+    following: Tensor
+    terminated: Tensor
+    discount: float | Tensor
+
+
+def td_target(
+    next_q: Tensor, next_target_q: Tensor, reward: Tensor, terminated: Tensor, discount: float | Tensor
+) -> Tensor:
+    """Return TD targets [..., 1]: the online network chooses the next action, the target network rates it.
+
+    Shapes: Q-values of the next state by both networks [..., A]; reward, terminated and discount [..., 1].
+    """
+    value = next_target_q.gather(-1, next_q.argmax(-1, keepdim=True))
+    # A truncated step is not terminated, so it bootstraps.
+    return reward + discount * value * ~terminated
+
+
+def td_loss(q: Tensor, td_target: Tensor, kind: Loss, huber_delta: float = 1.0) -> Tensor:
+    """Compute the mean loss of Q-values [..., 1] against their TD targets [..., 1].
+
+    `l2` is the squared error (equation 2). `huber` is half the squared error below `huber_delta`, and linear
+    above.
+
+    Raises:
+        ValueError: an unknown kind of loss.
+    """
+    if kind is Loss.l2:
+        return F.mse_loss(q, td_target)
+    if kind is Loss.huber:
+        return F.huber_loss(q, td_target, delta=huber_delta)
+    raise ValueError(f"learn.loss: no formula for {kind.name} in td_loss")
+
+
+def double_dqn_loss(
+    online: Q, target: Q, batch: Batch, kind: Loss, huber_delta: float = 1.0
+) -> tuple[Tensor, Tensor]:
+    """Return the mean loss of a batch, and the errors of its Q-values [..., B, 1] without gradients."""
+    with torch.no_grad():
+        both = online(batch.following), target(batch.following)
+        wanted = td_target(*both, batch.reward, batch.terminated, batch.discount)
+    q = online(batch.observation).gather(-1, batch.action.unsqueeze(-1))
+    return td_loss(q, wanted, kind, huber_delta), q.detach() - wanted
+
+
+def sum_rewards(
+    n: int,
+    gamma: float,
+    first: Tensor,
+    read: Callable[[Tensor], tuple[Tensor, Tensor]],
+    follow: Callable[[Tensor], tuple[Tensor, Tensor]],
+) -> tuple[Tensor, Tensor, Tensor]:
+    """Sum up to `n` rewards before a target bootstraps (Sutton 1988), to the end of the episode at most.
+
+    As in Rainbow (Hessel et al., 2018), actions between are not corrected for.
+
+    Args:
+        n: how many at most.
+        gamma: discount per step.
+        first: indices of steps, int64 [..., B].
+        read: returns rewards and whether the episode ends, of the steps with such indices.
+        follow: returns the indices of the next steps, and whether these are stored already: if not, the
+            target bootstraps earlier.
+
+    Returns:
+        The discounted sums, the indices of the last steps, and the numbers of steps, each [..., B].
+    """
+    reward, ends = read(first)
+    last, count, goes_on = first, torch.ones_like(first), ~ends
+    for step in range(1, n):
+        following, is_stored = follow(last)
+        goes_on = goes_on & is_stored
+        last = torch.where(goes_on, following, last)
+        later, ends = read(last)
+        reward = reward + gamma**step * later * goes_on
+        count, goes_on = count + goes_on, goes_on & ~ends
+    return reward, last, count
+
+
+def update(
+    loss: Tensor,
+    online: Sequence[Tensor],
+    target: Sequence[Tensor],
+    optimiser: torch.optim.Optimizer,
+    tau: float,
+    learns: Sequence[Tensor] = (),
+) -> Tensor:
+    """Take a gradient step, and move the target parameters towards the online ones by the fraction `tau`.
+
+    `learns` [K, 1, ...] are 0 for stacked parameters that do not learn, and 1 for others. Return the loss.
+    """
+    optimiser.zero_grad(set_to_none=True)
+    loss.backward()
+    for parameter, factor in zip(online, learns, strict=False):
+        assert parameter.grad is not None
+        parameter.grad.mul_(factor)
+    optimiser.step()
+    torch._foreach_lerp_([one.data for one in target], [one.data for one in online], tau)
+    return loss.detach()
+
+
+def mark_loaded(loss: DQNLoss, *_: Any) -> None:
+    """Mark the weights of a loss as changed: TorchRL loads them by `data`, which has no version."""
+    torch.autograd.graph.increment_version(list(loss.parameters()))
+
+
+class DoubleDQNLoss(DQNLoss):
+    """TorchRL's `DQNLoss` for double DQN, with a Huber threshold and several times less overhead.
+
+    Keys, target parameters and updaters are the same as in `DQNLoss`. The networks are called directly, not
+    through the actor. Actions are indices [B]. Priority weights, masks, reductions and value estimators
+    other than TD(0) are not supported.
+
+    Args:
+        value_network: Q-value actor around a network that maps observations to Q-values [..., A].
+        kind: formula of the loss, see `td_loss`.
+        huber_delta: Huber threshold, in scaled rewards.
+        gamma: discount per step.
+        write_td_error: whether to write `td_error` into the transitions; uniform replay does not need it.
+    """
+
+    def __init__(
+        self,
+        value_network: QValueActor,
+        *,
+        kind: Loss = Loss.l2,
+        huber_delta: float = 1.0,
+        gamma: float,
+        write_td_error: bool = True,
+    ) -> None:
+        # TorchRL's formula is unused.
+        super().__init__(value_network, loss_function="l2", double_dqn=True, action_space="categorical")
+        self.kind, self.huber_delta, self.gamma = kind, huber_delta, gamma
+        self.write_td_error = write_td_error
+        self.make_value_estimator(gamma=gamma)
+        network = value_network[0].module
+        # Not registered as modules: the loss holds their parameters already.
+        target = copy.deepcopy(network).requires_grad_(False)
+        self.__dict__.update(network=network, target_network=target)
+        self._target_layers = dict(target.named_children())
+        self._share_target()
+        self.register_load_state_dict_post_hook(mark_loaded)
+
+    def _share_target(self) -> None:
+        """Make the target network use the loss's target parameters."""
+        for name, layer in self._target_layers.items():
+            setattr(self.target_network, name, layer)
+        # Attribute access would warn until an updater exists.
+        params: Any = dict(self.named_children())["target_value_network_params"]
+        params["module", "0", "module"].to_module(self.target_network)
+        self.share_frozen()
+
+    def share_frozen(self) -> None:
+        """Let the target network use the layers that do not learn, so that a backend computes them once.
+
+        A layer that learns has a target of its own, which begins with its weights if it was frozen before.
+        """
+        for name, layer in self.network.named_children():
+            if not any(parameter.requires_grad for parameter in layer.parameters()):
+                setattr(self.target_network, name, layer)
+            elif getattr(self.target_network, name) is layer:
+                self._target_layers[name].load_state_dict(layer.state_dict())
+                setattr(self.target_network, name, self._target_layers[name])
+
+    def _apply(self, fn: Any, recurse: bool = True) -> Any:
+        """Move or cast the loss and its target network."""
+        moved = super()._apply(fn)
+        if "_target_layers" in self.__dict__:
+            self._share_target()
+        return moved
+
+    def __deepcopy__(self, memo: Any) -> Any:
+        """Raise an error: the networks of a copy would not use the copy's parameters."""
+        raise TypeError("a DoubleDQNLoss cannot be copied; build a new one around a copy of its network")
+
+    @dispatch
+    def forward(self, tensordict: TensorDictBase) -> TensorDict:
+        """Compute the loss of transitions [B], of one step or of `steps_to_next_obs` [B, 1].
+
+        If `write_td_error`, write the squared `td_error` [B, 1].
+        """
+        keys, (observation,) = self.tensor_keys, self.value_network_in_keys
+        following = tensordict.get("next")
+        batch = Batch(
+            tensordict.get(observation),
+            tensordict.get(keys.action),
+            following.get(keys.reward),
+            following.get(observation),
+            following.get(keys.terminated),
+            self.gamma if (steps := tensordict.get(STEPS, None)) is None else self.gamma**steps,
+        )
+        loss, error = double_dqn_loss(self.network, self.target_network, batch, self.kind, self.huber_delta)
+        if self.write_td_error:
+            tensordict.set(keys.priority, error.square())
+        return TensorDict({"loss": loss})

@@ -7,9 +7,9 @@ import pytest
 import torch
 
 from ship_trl.fast.step import CompiledStep
-from ship_trl.fast.worlds import make_env, make_rasteriser
+from ship_trl.fast.worlds import make_rasteriser
 from ship_trl.sim.cases import TargetShip, load_case, load_world
-from ship_trl.sim.state import GOAL_X, HEADING, OWN_SIZE, SHIP_HEADING, SPEED, STEP, X, Y, state_size
+from ship_trl.sim.state import GOAL_X, HEADING, OWN_SIZE, SHIP_HEADING, SPEED, STEP, X, Y
 from ship_trl.sim.transition import Transition
 from tests.sim.pictures import compiled_difference
 from tests.sim.scenes import scenes
@@ -52,13 +52,6 @@ def test_speed_vectors_are_those_of_the_reference(vector_time: float, colour: bo
     assert torch.equal(draw(state[-1:]), draw(state)[-1:])
 
 
-def test_odd_layouts_of_states_are_drawn_alike() -> None:
-    draw, state = DRAW[True], states("4", 6, 3)
-    assert torch.equal(draw(state.t().contiguous().t()), draw(state))
-    assert torch.equal(draw(state.view(2, 3, -1)).flatten(0, 1), draw(state))
-    assert torch.equal(draw(state.double()), draw(state))
-
-
 @pytest.mark.parametrize("off", [0.0, 1e-38, 1e-25, 3e-22, 1e-10, 1e-6, 1e-3])
 def test_at_the_goal_the_line_is_a_dot(off: float) -> None:
     state = scenes(CASES["1"], WORLD, [[off, 600.0, 1.0, 5.0]])
@@ -96,17 +89,3 @@ def test_an_action_index_out_of_range_is_refused(action: int) -> None:
     step = CompiledStep(Transition(WORLD))
     with pytest.raises(IndexError, match="action index out of range"):
         step(states("1", 1, 0), torch.tensor([action]))
-
-
-def test_an_encoder_is_observed_at_every_step_and_start() -> None:
-    def double(state: torch.Tensor) -> torch.Tensor:
-        return state.to(torch.bfloat16) * 2
-
-    env = make_env(load_case("3", WORLD), WORLD, 4, encoders={"features": double})
-    assert env.observation_spec["features"].shape == (4, state_size(1))
-    current = env.reset()
-    for _ in range(30):
-        current["action"] = torch.full((4,), 3)
-        stepped, current = env.step_and_maybe_reset(current)
-        for step in (stepped, stepped["next"], current):
-            assert torch.equal(step["features"], double(step["state"]))

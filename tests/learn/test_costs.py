@@ -14,9 +14,6 @@ from torch.utils._python_dispatch import TorchDispatchMode
 from torch.utils.flop_counter import flop_registry
 
 from benchmarks.ours import Ours, make_ours
-from benchmarks.peer_tuned import TunedLoop
-from benchmarks.work import learn_config
-from ship_trl.gym import ShipCollisionEnv
 
 COPIES = {"copy_", "_to_copy", "clone", "cat", "index_select", "index", "contiguous", "stack"}
 
@@ -81,14 +78,6 @@ def test_an_update(arm: str, precision: str) -> None:
     check_costs(lambda: learner.algorithm.learn_from(batch), UPDATE[arm, precision])
 
 
-def test_an_update_leaves_out_almost_half_the_operations() -> None:
-    learner, peer = ours("scratch"), TunedLoop(ShipCollisionEnv("4"), learn_config())
-    batch = learner.sample()
-    peer.run(64)
-    whole = counted(lambda: peer.update(peer.sample()))[2]
-    assert counted(lambda: learner.algorithm.learn_from(batch))[2] < 0.55 * whole
-
-
 def act(learner: Ours, observation: Tensor) -> None:
     """Choose greedy actions as exploration does."""
     learner.algorithm.policy.epsilon = 0.0
@@ -102,26 +91,8 @@ def test_a_decision() -> None:
     check_costs(lambda: act(learner, observation), (28, 0.36, 21.5))
 
 
-def test_a_decision_on_kept_features_looks_at_no_picture() -> None:
-    learner = ours("FE4")
-    observation = learner.sample()["features"][:1]
-    found = counted(lambda: act(learner, observation))
-    assert found[2] < 0.1, found
-
-
 @pytest.mark.parametrize(("arm", "limits"), [("scratch", (14, 0.001, 0.0)), ("FE4", (32, 0.06, 12.2))])
 def test_a_step_of_the_environment(arm: str, limits: tuple[float, ...]) -> None:
     learner = ours(arm)
     current = learner.env.reset().set("action", torch.tensor([3]))
     check_costs(lambda: learner.env.step_and_maybe_reset(current.clone()), limits)
-
-
-def test_frozen_layers_are_computed_once_a_state() -> None:
-    learner = ours("FE3")
-    batch = learner.sample()
-    # Each weight of conv4 and the heads is used once: three passes forward, two backward, but no gradient
-    # of conv4's input.
-    learning = {name: p for name, p in learner.algorithm.online_network.named_parameters() if p.requires_grad}
-    sizes = {name: p.numel() for name, p in learning.items() if p.ndim > 1}
-    needed = 2 * 32 * (5 * sum(sizes.values()) - sizes["conv4.weight"])
-    assert counted(lambda: learner.algorithm.learn_from(batch))[2] <= 1.01 * needed / 1e6

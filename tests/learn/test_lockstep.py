@@ -14,13 +14,12 @@ from ship_trl.config.types import BackendName, Learn, World
 from ship_trl.fast.worlds import make_rasteriser, make_step
 from ship_trl.learn.algorithm import LearningHooks
 from ship_trl.learn.double_dqn import DoubleDQN, build
-from ship_trl.learn.lockstep import Draws, Lockstep, roll_out
+from ship_trl.learn.lockstep import Lockstep
 from ship_trl.learn.network import DuelingNetwork, VectorNetwork
 from ship_trl.learn.q_learning import STEPS
 from ship_trl.learn.schedule import learning_rate_at
 from ship_trl.sim.cases import load_case
 from ship_trl.sim.state import initial_state
-from studies.second.runs import replay_actions
 from tests.learn.worlds import fast_setup, schedule
 
 PLACES, ACTIONS, INPUTS = 4, 2, 3
@@ -155,15 +154,6 @@ def test_networks_of_pixels_learn_in_lockstep_too(world: World) -> None:
     check_updates(many, drawn, alone)
 
 
-def test_frozen_layers_keep_their_weights() -> None:
-    begin = networks(2)
-    many = lockstep((0, 1), [("linear1", "linear2"), ()])
-    many.train(400)
-    for name, value in begin[0].state_dict().items():
-        assert torch.equal(many.weights(0)[name], value) == name.startswith("linear"), name
-    assert not torch.equal(many.weights(1)["linear1.weight"], begin[1].state_dict()["linear1.weight"])
-
-
 def test_a_sample_sums_the_rewards_of_an_episode_and_no_more() -> None:
     many = lockstep((0, 1), epsilon_start=1.0, epsilon_end=1.0)
     # More than the replay holds, so that it has begun anew.
@@ -185,57 +175,3 @@ def test_a_sample_sums_the_rewards_of_an_episode_and_no_more() -> None:
             assert count == 1 or -2 < first < PLACES
             seen.add((count, bool(terminated[row])))
     assert {1, 2, 3} <= {count for count, _ in seen} and {True, False} == {ended for _, ended in seen}
-
-
-def test_agents_learn_to_reach_the_goal() -> None:
-    many = lockstep((0, 1, 2), epsilon_fraction=0.5)
-    before, _ = many.evaluate(torch.zeros(3, 1, 2))
-    many.train(4000)
-    returns, reached = many.evaluate(torch.zeros(3, 1, 2))
-    # Four steps, each of which costs 1, and the goal.
-    assert returns.max() == 6.0 and reached.any() and returns.mean() > before.mean()
-
-
-def test_exploration_falls_with_the_steps_and_else_the_online_network_acts() -> None:
-    many = lockstep(
-        (0,), num_envs=40, epsilon_end=0.0, epsilon_fraction=0.5, replay_size=4000, warmup_steps=9999
-    )
-    with torch.no_grad():
-        # The online network always goes right, and the target network left.
-        for network, action in ((many.online, 1), (many.target, 0)):
-            network["advantage.weight"].zero_()
-            network["advantage.bias"].copy_(10.0 * (torch.arange(ACTIONS) == action))
-    taken: list[float] = []
-
-    def spy(state: Tensor, action: Tensor) -> After:
-        taken.append(float((action == 1).float().mean()))
-        return step(state, action)
-
-    many.step = spy
-    many.train(4000)
-    # Half of the random actions go right too.
-    shares = [sum(taken[at : at + 10]) / 10 for at in (0, 25, 90)]
-    assert shares[0] == pytest.approx(0.55, abs=0.1) and shares[1] == pytest.approx(0.8, abs=0.1)
-    assert shares[2] == 1.0
-    assert many.evaluate(torch.zeros(1, 1, 2))[0].tolist() == [[-1.0 - 1.0 - 5.0]]
-
-
-def test_a_replay_takes_the_actions_of_the_greedy_episode() -> None:
-    many = lockstep((0,))
-    with torch.no_grad():
-        # Right at 0, left at 1.
-        many._exact_q = lambda _, seen: torch.stack((seen[..., 0] * PLACES - 0.5, -seen[..., 0]), -1)
-    home, begin = torch.zeros(1, 1, 2), torch.tensor([[[0.0, 0.0], [3.0, 0.0], [-1.0, 0.0]]])
-    greedy, _, actions = roll_out(step, home, lambda state, _: many.greedy_actions(state))
-    assert actions.squeeze().tolist() == [1, 0] * 6 and greedy.item() == -12.0
-    returns, reached = replay_actions(many, home, begin)
-    # Right at once: from 3 that is the goal; from -1 it goes on as from 0.
-    assert returns.tolist() == [[-12.0, 9.0, -12.0]] and reached.tolist() == [[False, True, False]]
-
-
-def test_a_stream_does_not_depend_on_the_others() -> None:
-    make = lambda seed: Generator().manual_seed(seed)  # noqa: E731
-    both, one = Draws([make(1), make(2)], 3), Draws([make(2)], 3)
-    for _ in range(100):
-        drawn = both()
-        assert torch.equal(drawn[1], one()[0]) and not torch.equal(drawn[0], drawn[1])

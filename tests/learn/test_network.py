@@ -52,19 +52,6 @@ def test_gradients_equal_the_plain_ones(name: str) -> None:
         torch.testing.assert_close(got, wanted, rtol=1e-4, atol=1e-5 * float(wanted.abs().max()))
 
 
-def test_advantages_are_centred() -> None:
-    net = networks.network()
-    with torch.no_grad():
-        net.value.weight.zero_()
-        net.value.bias.fill_(2.0)
-    torch.testing.assert_close(net(pixels(4)).mean(-1), torch.full((4,), 2.0))
-
-
-def test_leading_dimensions_are_kept() -> None:
-    net, images = networks.network(), pixels(6)
-    torch.testing.assert_close(net(images.reshape(2, 3, 1, 84, 84)), net(images).reshape(2, 3, 7))
-
-
 def test_initial_weights_come_from_the_generator() -> None:
     first, again, other = (DuelingNetwork(1, 7, Generator().manual_seed(seed)) for seed in (3, 3, 4))
     for name, weight in first.named_parameters():

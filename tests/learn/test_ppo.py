@@ -1,20 +1,16 @@
 """Proximal policy optimisation: heads, advantages, loss, freezing, checkpoints; it learns a corridor."""
 
-import itertools
 import math
-from dataclasses import replace
 from typing import Any
 
 import pytest
 import torch
 from tensordict import TensorDict, TensorDictBase
-from torch import Generator, Tensor, nn
+from torch import Generator
 
-from ship_trl.config.network import load_network
-from ship_trl.config.types import BackendName
 from ship_trl.learn.algorithm import DivergedError, LearningHooks
-from ship_trl.learn.network import DuelingNetwork, VectorNetwork
-from ship_trl.learn.ppo import OUTPUT, PPO, build, state_value
+from ship_trl.learn.network import DuelingNetwork
+from ship_trl.learn.ppo import PPO, build, state_value
 from ship_trl.learn.train import Evaluated, Finished, Training, train
 from tests.learn.worlds import Corridor, draw, fast_setup, schedule
 
@@ -96,16 +92,6 @@ def test_outputs_hold_both_heads_and_each_loss_moves_its_own() -> None:
         assert sizes[moved] > 1e4 * sizes[1 - moved]
 
 
-def test_actions_follow_the_probabilities_of_its_own_generator() -> None:
-    state, drawn = torch.zeros(1500, 2), []
-    for seed in (1, 2):
-        torch.manual_seed(seed)
-        drawn.append(make(3).act(TensorDict({"state": state}, [1500]), 0)["action"])
-    assert torch.equal(*drawn)
-    wanted = make(3).online_network(draw(state[:1])).softmax(-1)[0]
-    torch.testing.assert_close(drawn[0].bincount(minlength=3) / 1500, wanted, atol=0.05, rtol=0)
-
-
 @pytest.mark.parametrize("limit", [3, 12])
 def test_advantages_bootstrap_at_truncations_and_stop_at_every_end(limit: int) -> None:
     learner = make(learn={"reward_scale": 0.1})
@@ -145,81 +131,6 @@ def test_the_loss_is_the_clipped_objective_with_critic_and_entropy() -> None:
     assert (ratio - 1).abs().max() > 0.2
 
 
-def test_an_epoch_shows_each_step_once_and_rewards_are_scaled() -> None:
-    learner, shown = make(minibatch_size=24, epochs=2), []
-    learn_from = learner.learn_from
-
-    def watched(batch: TensorDictBase) -> Tensor:
-        shown.append(batch["number"])
-        return learn_from(batch)
-
-    judge = learner.judge
-
-    def numbered(entries: Any) -> TensorDict:
-        return judge(entries).set("number", torch.arange(64).view(16, 4))
-
-    learner.learn_from, learner.judge = watched, numbered  # type: ignore[method-assign]
-    walk(learner, 15)
-    assert learner.update() == []
-    steps = walk(learner, 1)
-    got = learner._stacked()["next", "reward"][-1]
-    torch.testing.assert_close(got, steps[-1]["next", "reward"] * 0.01)
-    assert len(learner.update()) == 6 and learner.update() == []
-    for epoch in (shown[:3], shown[3:]):
-        assert sorted(torch.cat(epoch).tolist()) == list(range(64))
-    assert not torch.equal(shown[0], shown[3])
-
-
-@pytest.mark.parametrize("backend", [BackendName.dense, BackendName.incremental])
-def test_frozen_layers_keep_their_bytes_and_stay_out_of_the_optimiser(backend: BackendName) -> None:
-    learner = make(method=Freezing(), learn={"backend": backend})
-    before = {name: p.clone() for name, p in learner.online_network.named_parameters()}
-    walk(learner, 16)
-    assert learner.update()
-    frozen = {f"conv{n}.{kind}" for n in (1, 2) for kind in ("weight", "bias")}
-    for name, parameter in learner.network.named_parameters():
-        assert torch.equal(parameter, before[name]) == (name in frozen), name
-    trained = {id(p) for group in learner.optimiser.param_groups for p in group["params"]}
-    assert {n for n, p in learner.online_network.named_parameters() if id(p) not in trained} == frozen
-
-
-def test_a_thawed_layer_learns() -> None:
-    learner = make(method=Freezing(until=0.5), learn={"lr_end": 5e-4})
-    walk(learner, 16)
-    before = learner.online_network.layers[0].weight.clone()
-    step = Corridor(4).reset()
-    learner.act(step, 60)
-    assert [group["lr"] for group in learner.optimiser.param_groups] == [7.5e-4, 7.5e-4]
-    learner.update()
-    assert not torch.equal(learner.network.layers[0].weight, before)
-
-
-def test_a_penalty_is_added_to_the_loss() -> None:
-    class Pull(LearningHooks):
-        def penalty(self, network: nn.Module, data: TensorDictBase) -> Tensor:
-            assert data["pixels"].dtype is torch.uint8
-            return 7.0 + 0.0 * network.value.bias.sum()  # type: ignore[union-attr, operator]
-
-    plain, pulled = (observed_loss(make(method=method)) for method in (LearningHooks(), Pull()))
-    assert pulled == pytest.approx(plain + 7.0)
-
-
-def observed_loss(learner: PPO) -> float:
-    return float(learner.learn_from(observed(learner).flatten()))
-
-
-def test_evaluation_is_greedy_and_uses_the_latest_weights() -> None:
-    learner = make()
-    walk(learner, 16)
-    learner.update()
-    state = torch.rand(9, 2) * 8 - 4
-    with torch.no_grad():
-        judged = learner.greedy(TensorDict({"state": state}, [9]))
-        wanted = learner.online_network(draw(state))
-    assert torch.equal(judged["action"], judged[OUTPUT].argmax(-1))
-    torch.testing.assert_close(judged[OUTPUT], wanted, rtol=0.02, atol=0.02)
-
-
 @pytest.mark.parametrize(("episode", "imitates"), [(59, False), (60, True)])
 def test_the_best_episode_is_imitated_from_a_share_of_the_episodes_on(episode: int, imitates: bool) -> None:
     losses = []
@@ -238,8 +149,8 @@ def test_the_best_episode_is_imitated_from_a_share_of_the_episodes_on(episode: i
     assert losses[1] == pytest.approx(losses[0] - 2.0 * float(likelihood) * imitates, rel=1e-4)
 
 
-@pytest.mark.parametrize("until", [2.0, 0.0, 0.05])
-@pytest.mark.parametrize(("cut", "imitation"), [(16, 0.0), (23, 0.0), (23, 1.0)])
+@pytest.mark.parametrize("until", [2.0, 0.05])
+@pytest.mark.parametrize(("cut", "imitation"), [(16, 0.0), (23, 1.0)])
 def test_a_checkpoint_goes_on_with_the_same_bits(cut: int, imitation: float, until: float) -> None:
     learn = schedule(episodes=120, num_envs=4)
     whole = Training(Corridor(4), Corridor(1), make(method=Freezing(until), imitation_coeff=imitation), learn)
@@ -257,32 +168,6 @@ def test_a_checkpoint_goes_on_with_the_same_bits(cut: int, imitation: float, unt
     one, other = (training.state_dict() for training in (whole, again))
     assert one.keys() == other.keys()
     assert all(torch.equal(one[key], other[key]) for key in one)
-
-
-def test_same_seed_same_bits_and_two_seeds_share_nothing() -> None:
-    found = []
-    for seed in (1, 1, 2):
-        learner = make(seed)
-        for _ in itertools.repeat(None, 2):
-            walk(learner, 16)
-            learner.update()
-        found.append([p.clone() for p in learner.network.parameters()])
-    for a, b, c in zip(*found, strict=True):
-        assert torch.equal(a, b) and not torch.equal(a, c)
-
-
-def test_it_learns_from_numbers_too() -> None:
-    """A step changes every layer of a network without conv layers."""
-    weights, exploration, replay = (Generator().manual_seed(k) for k in range(3))
-    config = replace(load_network("vector"), linear=[8, 6], per_ship=0)
-    network = VectorNetwork(2, 3, weights, config)
-    learner = build(
-        fast_setup(network, lambda state: state / 4, 3, schedule(), exploration, replay, options=OPTIONS)
-    )
-    before = [p.clone() for p in network.parameters()]
-    walk(learner, 16)
-    assert learner.update()
-    assert not any(torch.equal(a, b) for a, b in zip(before, learner.network.parameters(), strict=True))
 
 
 def test_an_output_that_is_not_finite_stops_the_training() -> None:

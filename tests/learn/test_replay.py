@@ -50,51 +50,6 @@ def test_samples_are_whole_transitions() -> None:
     assert torch.equal(batch["next", "terminated"][:, 0], number % 3 == 0)
 
 
-def test_new_transitions_overwrite_the_oldest() -> None:
-    memory = replay(capacity=10)
-    for first in range(0, 24, 4):
-        memory.extend(steps(first, 4))
-    assert len(memory) == 10
-    seen = set(memory.sample(500)["state"][:, 0].int().tolist())
-    assert seen == set(range(14, 24))
-
-
-def test_the_observation_can_be_another_key() -> None:
-    memory = replay(observation="features")
-    given = steps(0, 4)
-    given["features"], given["next", "features"] = torch.rand(4, 200), torch.rand(4, 200)
-    memory.extend(given)
-    batch = memory.sample(16)
-    assert torch.equal(batch["features"], given["features"][batch["action"]])
-    assert torch.equal(batch["next", "features"], given["next", "features"][batch["action"]])
-
-
-def test_storage_holds_no_pixels() -> None:
-    memory = replay(capacity=50_000)
-    memory.extend(steps(0, 4))
-    assert len(memory) == 4  # `len` writes pending steps
-    stored = memory.storage.state_dict()["rows"]
-    size = sum(value.numel() * value.element_size() for value in stored.values())
-    assert size < 16 * 2**20
-
-
-def test_draws_come_from_its_own_generator() -> None:
-    batches = []
-    for seed, world in ((1, 0), (1, 9), (2, 0)):
-        torch.manual_seed(world)
-        memory = replay(seed=seed)
-        memory.extend(steps(0, 60))
-        batches.append(memory.sample(32)["state"])
-    assert torch.equal(batches[0], batches[1])
-    assert not torch.equal(batches[0], batches[2])
-
-
-def test_the_reward_of_the_given_steps_stays_unscaled() -> None:
-    given = steps(0, 4)
-    replay().extend(given)
-    assert torch.equal(given["next", "reward"][:, 0], torch.arange(4) * 100.0)
-
-
 def test_pixels_are_drawn_beside_the_states_of_a_batch() -> None:
     memory = replay(transform=DrawPixels(draw))
     memory.extend(steps(0, 40))
@@ -122,24 +77,6 @@ def test_the_storage_equals_torchrls() -> None:
     for mine, other in zip(*found, strict=True):
         assert mine == other if isinstance(mine, int) else bool((mine == other).all())
     assert found[0][2] == 30
-
-
-def test_a_replay_state_is_restored_whole() -> None:
-    memory, other = replay(seed=1), replay(seed=1)
-    memory.extend(steps(0, 40))
-    other.extend(steps(90, 4))
-    other.load_state_dict(memory.state_dict())
-    assert bool((memory.sample(32) == other.sample(32)).all())
-    memory.extend(steps(50, 4))
-    memory.empty()
-    assert len(memory) == 0 and len(other) == 40
-
-
-def test_the_replay_copies_its_input() -> None:
-    memory, given = replay(), steps(0, 4)
-    memory.extend(given)
-    given["state"].fill_(-7.0)
-    assert (memory[:]["state"] >= 0).all()
 
 
 def filled(capacity: int, count: int) -> StateReplay:

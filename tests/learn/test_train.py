@@ -14,7 +14,6 @@ from ship_trl.config.types import Learn
 from ship_trl.learn.algorithm import DivergedError
 from ship_trl.learn.double_dqn import DoubleDQN, build
 from ship_trl.learn.network import DuelingNetwork
-from ship_trl.learn.rollout import rollout
 from ship_trl.learn.schedule import epsilon_at, learning_rate_at
 from ship_trl.learn.train import Evaluated, Finished, train
 from tests.learn.worlds import Corridor, draw, fast_setup, schedule
@@ -48,28 +47,6 @@ def test_every_episode_is_reported_once_and_in_order() -> None:
     assert {e.outcome for e in episodes} == {"goal", "collision", "timeout"}
 
 
-def test_evaluations_come_before_after_and_between() -> None:
-    found, _ = events(episodes=25)
-    assert [e.episode for e in found if isinstance(e, Evaluated)] == [0, 10, 20, 25]
-
-
-def test_one_update_every_update_every_steps() -> None:
-    learn = schedule()
-    algorithm = make(learn)
-    count, steps = 0, 0
-    update = algorithm.learn_from
-
-    def counted(batch: TensorDictBase) -> torch.Tensor:
-        nonlocal count
-        count += 1
-        return update(batch)
-
-    algorithm.learn_from = counted  # type: ignore[method-assign]
-    for event in train(Corridor(3), Corridor(1), algorithm, learn):
-        steps = event.steps
-    assert count == (steps - learn.warmup_steps) // learn.update_every
-
-
 def test_same_seed_same_bits_and_two_seeds_share_nothing() -> None:
     (first, one), (again, two), (other, three) = events(1), events(1), events(2)
     assert [e for e in first if isinstance(e, Finished)] == [e for e in again if isinstance(e, Finished)]
@@ -94,17 +71,6 @@ def test_a_loss_that_is_not_finite_is_reported_with_its_step() -> None:
     step = learn.warmup_steps + 5 * learn.update_every
     with pytest.raises(DivergedError, match=f"the loss is nan at environment step {step}$"):
         list(train(Corridor(1), Corridor(1), algorithm, learn))
-
-
-def test_evaluation_is_greedy_and_draws_no_random_number() -> None:
-    _, algorithm = events()
-    state = algorithm.policy.generator.get_state()
-    (first,), (again,) = (rollout(Corridor(1), algorithm.greedy) for _ in range(2))
-    assert torch.equal(algorithm.policy.generator.get_state(), state)
-    assert first.episode_return == again.episode_return and torch.equal(first.actions, again.actions)
-    assert first.q_values is not None
-    assert torch.equal(first.q_values.argmax(-1), first.actions)
-    assert len(first.states) == first.length + 1
 
 
 @given(episode=st.integers(0, 1000), fraction=st.floats(0.1, 1.0))

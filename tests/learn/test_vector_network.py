@@ -10,7 +10,6 @@ from ship_trl.config.arm import Arm
 from ship_trl.config.network import load_network
 from ship_trl.config.types import Precision
 from ship_trl.fast.worlds import make_env
-from ship_trl.learn.dense import Dense
 from ship_trl.learn.double_dqn import build
 from ship_trl.learn.network import DuelingNetwork, VectorNetwork, make_network
 from ship_trl.learn.rollout import rollout
@@ -61,20 +60,6 @@ def test_without_layers_of_ships_all_layers_see_all_numbers() -> None:
     body = nn.Sequential(*(part for layer in net.layers for part in (layer, nn.ReLU())))
     torch.testing.assert_close(net.encode(numbers(4)), body[:2](numbers(4)))
     torch.testing.assert_close(net(numbers(4)), net.q_values(body(numbers(4))))
-
-
-def test_in_bfloat16_only_the_layers_below_value_and_advantage_are_rounded() -> None:
-    net = network()
-    exact = net(numbers(50)).detach()
-    net.backend = Dense(torch.bfloat16)
-    rounded = net(numbers(50)).detach()
-    assert rounded.dtype is torch.float32 and not torch.equal(rounded, exact)
-    torch.testing.assert_close(rounded, exact, atol=0.1, rtol=0.0)
-
-
-def test_a_single_layer_is_enough() -> None:
-    net = make_network(replace(CONFIG, linear=[9], per_ship=0), 7, Generator().manual_seed(0))
-    assert net.layer_names == ("shared",) and net(numbers(2)).shape == (2, 7)
 
 
 @pytest.mark.parametrize("arm", ["FE1", "FT2", "FE3", "FTW"])

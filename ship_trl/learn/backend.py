@@ -11,8 +11,7 @@ from torch import Tensor
 
 from ship_trl.config.network import Geometry, supports_incremental
 from ship_trl.config.types import BackendName, Precision, Updates, bfloat16_allowed
-from ship_trl.learn.dense import Backend, Dense
-from ship_trl.learn.network import DuelingNetwork
+from ship_trl.learn.network import Backend, Dense, DuelingNetwork
 
 
 class Draw(Protocol):

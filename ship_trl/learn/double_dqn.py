@@ -13,17 +13,15 @@ from torchrl.modules import QValueActor
 from torchrl.objectives import SoftUpdate
 
 from ship_trl.config.types import Learn
-from ship_trl.learn.algorithm import LearningHooks, Setup
+from ship_trl.learn.algorithm import LearningHooks, Setup, epsilon_at, learning_rate_at
 from ship_trl.learn.backend import Draw, make_backend
-from ship_trl.learn.dense import Dense
-from ship_trl.learn.network import DuelingNetwork
+from ship_trl.learn.network import Dense, DuelingNetwork
 from ship_trl.learn.optimiser import ChannelsLastAdam, learning_groups
 from ship_trl.learn.policy import EpsilonGreedy, greedy_policy
 from ship_trl.learn.prefix import add_prefix, copy_exactly, strip_prefix
 from ship_trl.learn.q_learning import DoubleDQNLoss, update
 from ship_trl.learn.replay import DrawPixels, StateReplay, make_batch
 from ship_trl.learn.rollout import Policy
-from ship_trl.learn.schedule import epsilon_at, learning_rate_at
 
 # Key of the observations of frozen layers, which the replay stores next to states.
 FEATURES = "features"

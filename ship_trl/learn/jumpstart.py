@@ -13,8 +13,7 @@ from torch import Generator
 from torchrl.envs import EnvBase
 
 from ship_trl.learn.backend import Draw
-from ship_trl.learn.dense import Dense
-from ship_trl.learn.network import DuelingNetwork
+from ship_trl.learn.network import Dense, DuelingNetwork
 
 
 def jumpstart(

@@ -17,11 +17,11 @@ from torch import Generator, Tensor
 from torch.func import stack_module_state
 
 from ship_trl.config.types import Learn
+from ship_trl.learn.algorithm import epsilon_at, learning_rate_at
 from ship_trl.learn.backend import choose_dtype
 from ship_trl.learn.network import DuelingNetwork
 from ship_trl.learn.optimiser import ChannelsLastAdam
 from ship_trl.learn.q_learning import Batch, double_dqn_loss, sum_rewards, update
-from ship_trl.learn.schedule import epsilon_at, learning_rate_at
 from ship_trl.learn.stacked import make_stacked_q
 
 # Random numbers that each generator draws at once.

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Collection
-from typing import Any
+from typing import Any, Protocol
 
 import torch
 import torch.nn.functional as F
@@ -12,7 +12,45 @@ from torch import Generator, Tensor, nn
 from ship_trl.config.bounds import OWN_NUMBERS, SHIP_NUMBERS
 from ship_trl.config.network import geometry, linear_from, linear_sizes, load_network
 from ship_trl.config.types import Network
-from ship_trl.learn.dense import Backend, Dense
+
+
+class Backend(Protocol):
+    """Computes the conv layers in a number format. It holds no weights, so networks may share it."""
+
+    name: str
+    dtype: torch.dtype
+
+    def features(self, network: DuelingNetwork, pixels: Tensor) -> Tensor:
+        """Compute all conv layers: uint8 [B, C, 84, 84] to float32 [B, F]."""
+        ...
+
+    def features_from(self, network: DuelingNetwork, frozen_features: Tensor) -> Tensor:
+        """Compute the conv layers after the frozen ones: [B, K] to float32 [B, F]."""
+        ...
+
+
+class Dense:
+    """Backend for any device that computes every layer on every pixel, without caches.
+
+    Args:
+        dtype: of the conv layers; bfloat16 uses autocast, weights and gradients stay float32.
+    """
+
+    name = "dense"
+
+    def __init__(self, dtype: torch.dtype = torch.float32) -> None:
+        self.dtype = dtype
+
+    def features(self, network: DuelingNetwork, pixels: Tensor) -> Tensor:
+        """Compute all conv layers."""
+        with torch.autocast(pixels.device.type, torch.bfloat16, enabled=self.dtype is torch.bfloat16):
+            # The next layers compute in float32: Q-values may differ by less than bfloat16 resolves.
+            return network.encode(pixels).float()
+
+    def features_from(self, network: DuelingNetwork, frozen_features: Tensor) -> Tensor:
+        """Compute the conv layers after the frozen ones."""
+        with torch.autocast(frozen_features.device.type, torch.bfloat16, self.dtype is torch.bfloat16):
+            return network.encode_from(frozen_features.float()).float()
 
 
 class DuelingNetwork(nn.Module):

@@ -9,8 +9,7 @@ from ship_trl.config.types import BFLOAT16, BackendName, Precision
 from ship_trl.fast.incremental import Incremental
 from ship_trl.fast.learning import FAST
 from ship_trl.learn.backend import Accelerator, choose_backend, choose_dtype
-from ship_trl.learn.dense import Dense
-from ship_trl.learn.network import DuelingNetwork
+from ship_trl.learn.network import Dense, DuelingNetwork
 from tests.learn.networks import NETWORKS, ODD
 from tests.learn.worlds import draw
 

@@ -14,8 +14,7 @@ from ship_trl.config.types import Precision
 from ship_trl.fast.worlds import make_env, make_rasteriser
 from ship_trl.learn import double_dqn
 from ship_trl.learn.algorithm import Setup
-from ship_trl.learn.dense import Dense
-from ship_trl.learn.network import DuelingNetwork
+from ship_trl.learn.network import Dense, DuelingNetwork
 from ship_trl.learn.train import Finished, train
 from ship_trl.sim.cases import load_case, load_world
 from tests.learn.test_double_dqn import Freezing

@@ -4,7 +4,7 @@ import pytest
 import torch
 from tensordict import TensorDict
 
-from ship_trl.learn.imitation import BestEpisodes
+from ship_trl.learn.ppo import BestEpisodes
 
 CPU = torch.device("cpu")
 
@@ -56,20 +56,3 @@ def test_a_checkpoint_goes_on_within_an_episode(turns: int) -> None:
         observe(one, [(2.0, 1, 8.0, True), (3.0, 1, 0.0, True)])
     assert steps(kept) == steps(again)
     assert steps(kept)[turns][2] == 9.0
-
-
-def test_a_checkpoint_before_the_first_step_is_empty() -> None:
-    kept = BestEpisodes()
-    kept.load_state_dict(BestEpisodes().state_dict(), CPU)
-    assert len(kept) == 0
-    observe(kept, [(0.0, 1, 2.0, True)])
-    assert steps(kept) == [([0.0], [1], 2.0)]
-
-
-def test_ended_steps_are_forgotten() -> None:
-    """What a checkpoint holds does not grow with the number of episodes."""
-    kept = BestEpisodes()
-    for _ in range(50):
-        observe(kept, [(0.0, 1, 0.0, False), (0.0, 1, 0.0, False)])
-        observe(kept, [(1.0, 1, 1.0, True), (1.0, 1, 1.0, True)])
-    assert sum(value.numel() for value in kept.state_dict().values()) < 20

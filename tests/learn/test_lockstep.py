@@ -12,12 +12,11 @@ from torch import Generator, Tensor
 from ship_trl.config.network import load_network
 from ship_trl.config.types import BackendName, Learn, World
 from ship_trl.fast.worlds import make_rasteriser, make_step
-from ship_trl.learn.algorithm import LearningHooks
+from ship_trl.learn.algorithm import LearningHooks, learning_rate_at
 from ship_trl.learn.double_dqn import DoubleDQN, build
 from ship_trl.learn.lockstep import Lockstep
 from ship_trl.learn.network import DuelingNetwork, VectorNetwork
 from ship_trl.learn.q_learning import STEPS
-from ship_trl.learn.schedule import learning_rate_at
 from ship_trl.sim.cases import load_case
 from ship_trl.sim.state import initial_state
 from tests.learn.worlds import fast_setup, schedule

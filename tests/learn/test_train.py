@@ -11,10 +11,9 @@ from tensordict import TensorDictBase
 from torch import Generator
 
 from ship_trl.config.types import Learn
-from ship_trl.learn.algorithm import DivergedError
+from ship_trl.learn.algorithm import DivergedError, epsilon_at, learning_rate_at
 from ship_trl.learn.double_dqn import DoubleDQN, build
 from ship_trl.learn.network import DuelingNetwork
-from ship_trl.learn.schedule import epsilon_at, learning_rate_at
 from ship_trl.learn.train import Evaluated, Finished, train
 from tests.learn.worlds import Corridor, draw, fast_setup, schedule
 

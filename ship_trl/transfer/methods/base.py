@@ -12,8 +12,7 @@ from ship_trl.config.arm import Arm
 from ship_trl.config.transfer import Transfer
 from ship_trl.learn.algorithm import LearningHooks
 from ship_trl.learn.backend import Draw
-from ship_trl.learn.dense import Dense
-from ship_trl.learn.network import DuelingNetwork
+from ship_trl.learn.network import Dense, DuelingNetwork
 from ship_trl.transfer.weights import Weights
 
 

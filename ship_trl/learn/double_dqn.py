@@ -83,7 +83,7 @@ class DoubleDQN:
 
     def _find_learning(self) -> None:
         """Find the parameters that learn, and capture gradient steps anew: a graph has its parameters."""
-        online, target = self.online_network.named_parameters(), dict(self.network.named_parameters())
+        online, target = self.online_network.named_parameters(), self.network.state_dict()
         learning = {name: parameter for name, parameter in online if parameter.requires_grad}
         self._learning = list(learning.values()), [target[name] for name in learning]
         self._graph = GradientStep(self._learn_from, self._capture) if self._capture else None

@@ -5,7 +5,6 @@ import hashlib
 import math
 import re
 import subprocess
-import sys
 from collections import defaultdict
 from datetime import datetime
 from pathlib import Path
@@ -13,6 +12,7 @@ from pathlib import Path
 import pytest
 
 from ship_trl.study.manifest import load_plan
+from ship_trl.study.report import write
 from ship_trl.study.tables import LAYERS, read_layers, read_tables
 from ship_trl.study.transfers import BUNDLED_TABLE, TABLE
 from studies.paper.claims import claims
@@ -73,20 +73,14 @@ def test_it_is_judged_by_the_rules_that_it_was_begun_with() -> None:
     assert all(line in page for line in rest.splitlines())
 
 
-# The report without its pictures, which take most of the time.
-WITHOUT_PICTURES = """
-from tests.command import report as main
-from ship_trl.study.report import write
-write.draw_all = lambda *_: []
-main()
-"""
-
-
 @pytest.mark.long
-def test_the_report_that_is_kept_follows_from_the_tables(tmp_path: Path) -> None:
+def test_the_report_that_is_kept_follows_from_the_tables(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
     made = tmp_path / "made"
-    words = [str(FOLDER), "--seeds", str(SEEN), "--output", str(made)]
-    subprocess.run([sys.executable, "-c", WITHOUT_PICTURES, *words], cwd=tmp_path, check=True)
+    # Pictures take most of the time.
+    monkeypatch.setattr(write, "draw_all", lambda *_: [])
+    write.report(FOLDER, made, SEEN, claims())
     names = {path.name for path in made.glob("*.csv")}
     assert {path.name for path in REPORT.glob("*.csv")} == names
     for name in sorted(names):

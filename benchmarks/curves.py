@@ -166,8 +166,7 @@ def draw(path: Path, curves: Sequence[Curve]) -> None:
     """Write a PNG of success over minutes, 1200 x 750: a colour a learner, a dash a seed."""
     from matplotlib.figure import Figure
 
-    from ship_trl.view.chart import save, tidy
-    from ship_trl.view.palette import CHART_DASHES, CHART_SERIES, MUTED
+    from ship_trl.view.style import CHART_DASHES, CHART_SERIES, MUTED, tidy
 
     figure = Figure(figsize=(12, 7.5), dpi=100, layout="constrained")
     axes = figure.subplots()
@@ -184,4 +183,4 @@ def draw(path: Path, curves: Sequence[Curve]) -> None:
     tidy(axes)
     axes.margins(x=0.01)
     axes.legend(loc="lower right", fontsize=12, frameon=False, handlelength=3)
-    save(figure, path)
+    save_figure(figure, path)

@@ -279,7 +279,7 @@ class ShipCollisionEnv(gymnasium.Env[Observations, np.int64]):
         # Imported here: training needs no pygame.
         import pygame
 
-        from ship_trl.view.window.window import open_window
+        from ship_trl.view.window import open_window
 
         if pygame.display.get_surface() is None:
             advice = "allowed without a screen: render_mode=rgb_array"

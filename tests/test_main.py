@@ -31,6 +31,6 @@ def test_the_backend_of_a_notebook_is_not_asked_for(entry: str, backend: str, tm
 
 def test_a_library_leaves_the_users_backend(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setenv("MPLBACKEND", "svg")
-    import ship_trl.view.curves
+    import ship_trl.view.charts
 
-    assert ship_trl.view.curves and os.environ["MPLBACKEND"] == "svg"
+    assert ship_trl.view.charts and os.environ["MPLBACKEND"] == "svg"

@@ -95,8 +95,7 @@ def draw_cases(path: Path, cases: dict[str, Case], world: World) -> None:
     import torch
 
     from ship_trl.sim.state import initial_state
-    from ship_trl.view.case_page import write_case_page
-    from ship_trl.view.contact_sheet import write_contact_sheet
+    from ship_trl.view.pages import write_case_page, write_contact_sheet
 
     if len(cases) <= MAX_ROWS:
         write_contact_sheet(path, list(cases.values()), world)
@@ -112,7 +111,7 @@ def draw_traffic(path: Path, suite: Suite, world: World) -> None:
     from torch import Generator
 
     from ship_trl.fast.worlds import make_starts
-    from ship_trl.view.case_page import write_case_page
+    from ship_trl.view.pages import write_case_page
 
     starts = make_starts(suite, world)
     states = [starts.sample(1, Generator().manual_seed(seed)) for seed in range(EXAMPLES)]

@@ -134,7 +134,7 @@ def write_files(found: list[Evaluated], env: ShipEnv, policy: Policy, options: N
 
 def write_sheet(path: Path, found: list[Evaluated]) -> None:
     """Write the paths of all episodes; policies take turns, so that the first does not fill the page."""
-    from ship_trl.view.episode_page import write_episode_page
+    from ship_trl.view.pages import write_episode_page
 
     policies = list(dict.fromkeys(one.entry.label for one in found))
     suites = list(dict.fromkeys(one.suite_name for one in found))

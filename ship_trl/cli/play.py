@@ -35,8 +35,7 @@ def main(arguments: list[str] | None = None) -> None:
         cases = [load_case(name, world, "target") for name in names.split(",")]
 
         from ship_trl.run.process import configure_process
-        from ship_trl.view.window.game import Game
-        from ship_trl.view.window.window import open_window
+        from ship_trl.view.window import Game, open_window
 
         configure_process()
         game = Game(cases, world, None if options.keep_nothing else options.demonstrations)

@@ -88,9 +88,9 @@ def record_film(entries: list[Entry], options: Namespace) -> None:
     """Write the film of one entry after the other, or of the first two side by side."""
     from ship_trl.run.console import track
     from ship_trl.view.dashboard import Look
-    from ship_trl.view.episode_view import view_entry
+    from ship_trl.view.episode import view_entry
     from ship_trl.view.film import draw_film, write_film
-    from ship_trl.view.window.session import distinct_policies
+    from ship_trl.view.window import distinct_policies
 
     acts = [[entry] for entry in entries]
     if options.compare:
@@ -112,7 +112,7 @@ def record_film(entries: list[Entry], options: Namespace) -> None:
 def record_chart(entries: list[Entry], options: Namespace) -> None:
     """Draw the paths of all entries on their one case; the seeds of an arm are one group."""
     from ship_trl.policies.entry import rollout_entry
-    from ship_trl.view.trajectories import draw_trajectories
+    from ship_trl.view.charts import draw_trajectories
 
     groups: dict[str, list[Episode]] = {}
     for entry in entries:

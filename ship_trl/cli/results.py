@@ -170,7 +170,7 @@ def compare(found: list[RunRecord], one: Path, other: Path) -> Iterable[list[str
 
 def picture(path: Path, found: list[RunRecord]) -> None:
     """Draw learning curves: a panel for each pair, a line for each arm and folder."""
-    from ship_trl.view.curves import draw_comparison
+    from ship_trl.view.charts import draw_comparison
 
     several = len({one.below for one in found}) > 1
     panels: dict[str, dict[str, list[RunRecord]]] = {}

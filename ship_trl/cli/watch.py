@@ -29,8 +29,7 @@ def main(arguments: list[str] | None = None) -> None:
         entries = split_suites(find_entries(options.words, options.colour), options.seed)
 
         from ship_trl.run.process import configure_process
-        from ship_trl.view.window.session import Session
-        from ship_trl.view.window.window import open_window
+        from ship_trl.view.window import Session, open_window
 
         configure_process()
         # Load the policies first: their errors are shown without a screen, too.

@@ -17,7 +17,7 @@ from ship_trl.explain.networks import Role
 from ship_trl.explain.saliency import gradient, greedy_actions, occlusion
 from ship_trl.learn.network import DuelingNetwork
 from ship_trl.sim.env import ShipEnv
-from ship_trl.view.chart import add_legend, tidy
+from ship_trl.view.style import add_legend, tidy
 
 # Keyword arguments of Matplotlib.
 Style = dict[str, Any]

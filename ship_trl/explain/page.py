@@ -28,7 +28,7 @@ from ship_trl.learn.policy import greedy_policy
 from ship_trl.learn.rollout import rollout
 from ship_trl.policies.entry import Entry
 from ship_trl.run.process import configure_process
-from ship_trl.view.chart import save
+from ship_trl.view.style import save_figure
 
 PAGE, TABLES = "index.html", ("probes", "cka", "erased")
 MISSING = "-"
@@ -78,7 +78,7 @@ def write(entries: list[Entry], output: Path, episodes: int, seed: int, command:
     }
     images = {}
     for key, figure in drawn.items():
-        save(figure, output / f"{key}.png")
+        save_figure(figure, output / f"{key}.png")
         images[key] = base64.b64encode((output / f"{key}.png").read_bytes()).decode()
     log(f"{len(drawn)} figures")
     loader = jinja2.FileSystemLoader(Path(__file__).parent)

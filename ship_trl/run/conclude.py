@@ -27,7 +27,7 @@ from ship_trl.sim.state import first_case
 from ship_trl.sim.suites import describe
 from ship_trl.transfer.casebase import PLANS, POLICY_LAST, CaseBase, Entry
 from ship_trl.transfer.weights import save_weights
-from ship_trl.view.curves import draw_curve, draw_transfer
+from ship_trl.view.charts import draw_curve, draw_transfer
 from ship_trl.view.film import write_gif
 
 

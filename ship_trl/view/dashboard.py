@@ -12,11 +12,10 @@ from functools import lru_cache
 import pygame
 
 from ship_trl.view import pen
-from ship_trl.view.episode_view import EpisodeView
-from ship_trl.view.graph import Graph, make_graphs
+from ship_trl.view.episode import EpisodeView
 from ship_trl.view.painter import draw_legend, map_frame, paint_scene, relative_frame
-from ship_trl.view.palette import BACKGROUND, CHOSEN, FAINT, PAIR, TEXT
-from ship_trl.view.panel import Panel
+from ship_trl.view.panels import Graph, Panel, make_graphs
+from ship_trl.view.style import BACKGROUND, CHOSEN, FAINT, PAIR, TEXT
 
 Columns = tuple[tuple[Callable[[Panel], None], ...], ...]
 Views = tuple[EpisodeView, ...]

@@ -22,9 +22,8 @@ from ship_trl.sim.cases import Case
 from ship_trl.sim.render import Rasteriser
 from ship_trl.view import pen
 from ship_trl.view.dashboard import SMALL_SIZE, Look, draw_dashboard
-from ship_trl.view.episode_view import EpisodeView
-from ship_trl.view.palette import GOAL_MARK, OUTCOMES
-from ship_trl.view.telemetry import measure_episode
+from ship_trl.view.episode import EpisodeView, measure_episode
+from ship_trl.view.style import GOAL_MARK, OUTCOMES
 
 # Seconds for which the last picture of an episode stays.
 LAST_SECONDS = 2.0

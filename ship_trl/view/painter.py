@@ -21,7 +21,9 @@ from ship_trl.sim import scene
 from ship_trl.sim.cases import Case
 from ship_trl.sim.state import GOAL_X, GOAL_Y, HEADING, SPEED, X, Y
 from ship_trl.view import pen
-from ship_trl.view.palette import (
+from ship_trl.view.episode import Numbers, Telemetry
+from ship_trl.view.pen import Point
+from ship_trl.view.style import (
     BACKGROUND,
     CHOSEN,
     DANGER,
@@ -33,8 +35,6 @@ from ship_trl.view.palette import (
     Colour,
     blend,
 )
-from ship_trl.view.pen import Point
-from ship_trl.view.telemetry import Numbers, Telemetry, measure
 
 # Metres. The paper gives no length: a coaster, whose bow stays inside the safe distance.
 TRUE_LENGTH = 25.0
@@ -110,7 +110,8 @@ def draw_scene(
     The map stays still while the states of an episode share their `start` [S]; default: the state.
     """
     none = torch.zeros(0, dtype=torch.int64)
-    first, now = (measure(case, world, one[None], none) for one in (state if start is None else start, state))
+    both = (state if start is None else start, state)
+    first, now = (Telemetry(case, world, one[None], none) for one in both)
     picture = pen.new_surface(size, size)
     paint_scene(picture, now, 0.0, map_frame((first, now), size))
     return picture

@@ -19,7 +19,7 @@ from numpy.typing import NDArray
 from PIL import Image
 
 from ship_trl.files.disk import atomic_write
-from ship_trl.view.palette import Colour
+from ship_trl.view.style import Colour
 
 Point = tuple[float, float]
 OVERSAMPLING = 4

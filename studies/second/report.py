@@ -185,7 +185,7 @@ def draw(path: Path, found: list[Contrast]) -> None:
     """Write a PNG: each arm's gain as a share of the possible gain, a panel for each pair."""
     from matplotlib.figure import Figure
 
-    from ship_trl.view.chart import save
+    from ship_trl.view.style import save_figure
 
     shown = [one for one in found if one.question in (1, 3) and one.what.endswith("less scratch")]
     wheres = list(dict.fromkeys(one.where for one in shown))
@@ -213,4 +213,4 @@ def draw(path: Path, found: list[Contrast]) -> None:
         "95 % intervals are not adjusted, answers are",
         fontsize=10,
     )
-    save(figure, path)
+    save_figure(figure, path)

@@ -205,7 +205,7 @@ def draw(path: Path, cases: Sequence[str], arm: str, gains: Floats, values: Mapp
     """Write a PNG: gains of all pairs, and measures of similarity as ranks within each target."""
     from matplotlib.figure import Figure
 
-    from ship_trl.view.chart import save
+    from ship_trl.view.style import save_figure
 
     mean = gains.mean(0)
     panels = {f"gain of {arm} over scratch": mean}
@@ -230,4 +230,4 @@ def draw(path: Path, cases: Sequence[str], arm: str, gains: Floats, values: Mapp
         axes.set_title(title, fontsize=11, loc="left")
         axes.set_facecolor("#D4D4D4")
         figure.colorbar(image, ax=axes, location="bottom", shrink=0.8)
-    save(figure, path)
+    save_figure(figure, path)

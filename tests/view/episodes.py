@@ -17,9 +17,8 @@ from ship_trl.sim.cases import Case, load_world
 from ship_trl.sim.suites import load_suite
 from ship_trl.view import pen
 from ship_trl.view.dashboard import Look, draw_dashboard
-from ship_trl.view.episode_view import EpisodeView
-from ship_trl.view.telemetry import measure_episode
-from ship_trl.view.window.window import Window
+from ship_trl.view.episode import EpisodeView, measure_episode
+from ship_trl.view.window import Window
 
 
 def run_actions(case: Case, world: World, actions: Sequence[int]) -> Episode:

@@ -1,7 +1,5 @@
 """The whole picture: what changes with the step, the look and the size, and what its legend says."""
 
-from collections.abc import Callable
-
 import numpy as np
 import pygame
 import pytest
@@ -12,10 +10,9 @@ from ship_trl.sim import scene
 from ship_trl.sim.cases import Case, load_case
 from ship_trl.view import pen
 from ship_trl.view.dashboard import SMALL_SIZE, Layout, Look, draw_dashboard, step_at
-from ship_trl.view.episode_view import EpisodeView
+from ship_trl.view.episode import EpisodeView
 from ship_trl.view.painter import draw_legend
-from ship_trl.view.palette import BAR as BAR_COLOUR
-from ship_trl.view.palette import CHOSEN, DANGER, FAINT, GOAL_MARK
+from ship_trl.view.style import DANGER, FAINT, GOAL_MARK
 from tests.view.episodes import drawn, view
 
 
@@ -63,26 +60,6 @@ def test_nothing_overlaps_and_nothing_lies_outside(size: tuple[int, int], count:
     for k, room in enumerate(rooms):
         assert window.contains(room) and min(room.size) > 20
         assert not any(room.colliderect(other) for other in rooms[:k])
-
-
-def test_an_episode_without_ships_without_q_values_and_of_eight_ships(
-    make_case: Callable[..., Case], world: World
-) -> None:
-    crowd = [(-300.0 + 80 * k, 900.0, 270.0, 1.0 + k) for k in range(8)]
-    for size in ((1600, 900), SMALL_SIZE):
-        pictures = [drawn([view(make_case(*ships), world, (3,))], 4, size=size) for ships in ((), crowd)]
-        assert (pictures[0] != pictures[1]).any()
-
-
-def test_the_chosen_action_alone_is_marked(case: Case, world: World) -> None:
-    """The bar of the chosen action has a colour of its own, in the row of that action."""
-    rows = []
-    for action in (1, 5):
-        picture = drawn([view(case, world, (action,))], 2, size=SMALL_SIZE)[120:, 700:860]
-        marked = (picture == CHOSEN).all(-1).any(1).nonzero()[0]
-        assert (picture == BAR_COLOUR).all(-1).any()
-        rows.append(np.median(marked))
-    assert 60 < rows[1] - rows[0] < 120
 
 
 def test_a_click_in_a_graph_is_a_step(case: Case, world: World) -> None:

@@ -15,9 +15,9 @@ from ship_trl.sim import scene
 from ship_trl.sim.cases import load_world
 from ship_trl.sim.state import SHIP_COUNT, SHIP_Y, position, target_ships
 from ship_trl.sim.suites import load_suite
-from ship_trl.view import case_page, dashboard, episode_page, pen
+from ship_trl.view import dashboard, pages, pen
 from ship_trl.view.dashboard import Look, draw_dashboard
-from ship_trl.view.episode_view import EpisodeView, view_entry
+from ship_trl.view.episode import EpisodeView, view_entry
 from tests.view.episodes import run_actions
 
 Corners = NDArray[np.float64]
@@ -105,14 +105,14 @@ def test_no_sheet_shows_a_collision_that_is_none(hulls: list[Corners]) -> None:
     imazu = load_suite("imazu", WORLD)
     for state in draw_starts(imazu, WORLD, len(imazu.cases), 0):
         hulls.clear()
-        case_page.draw_start(state, WORLD, case_page.PICTURE, 780.0)
+        pages.draw_start(state, WORLD, pages.START_PICTURE, 780.0)
         ships = target_ships(state)[: int(state[SHIP_COUNT]), : SHIP_Y + 1]
         assert touching_at(hulls, np.concatenate((position(state)[None], ships))) == []
     for case in load_suite("paper", WORLD).cases:
         for actions in ((3,), (0, 3, 3)):
             hulls.clear()
             episode = run_actions(case, WORLD, actions)
-            episode_page.draw_paths(episode, WORLD, episode_page.PICTURE, 800.0)
+            pages.draw_paths(episode, WORLD, pages.PATH_PICTURE, 800.0)
             last = episode.states[-1]
             ships = target_ships(last)[: int(last[SHIP_COUNT]), : SHIP_Y + 1]
             # Target ships are drawn before own ship.

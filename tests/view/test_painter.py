@@ -14,6 +14,7 @@ from ship_trl.config.types import World
 from ship_trl.sim import scene
 from ship_trl.sim.cases import load_case, load_world
 from ship_trl.view import pen
+from ship_trl.view.episode import Telemetry, measure_episode
 from ship_trl.view.painter import (
     TRUE_LENGTH,
     draw_scene,
@@ -22,8 +23,7 @@ from ship_trl.view.painter import (
     paint_scene,
     relative_frame,
 )
-from ship_trl.view.palette import DANGER, GOAL_MARK
-from ship_trl.view.telemetry import Telemetry, measure_episode
+from ship_trl.view.style import DANGER, GOAL_MARK
 from tests.view.episodes import run_actions
 
 SIDE = 840

@@ -40,7 +40,7 @@ from ship_trl.study.plan import (
 )
 from ship_trl.study.statistics import MIN_BAND_SEEDS, band
 from ship_trl.study.study import Study, pairs, places_of
-from ship_trl.view.palette import CHART_SERIES
+from ship_trl.view.style import CHART_SERIES
 
 # Widths in inches, close to the size on the page: a page is at most 75 rem wide, and a screen of 380 pixels
 # leaves 348 for a figure.

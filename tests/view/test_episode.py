@@ -1,4 +1,4 @@
-"""Numbers of an episode, whole or so far."""
+"""Numbers of an episode, whole or so far, and the pixels on which Q depends."""
 
 from collections.abc import Callable
 
@@ -7,11 +7,13 @@ import pytest
 import torch
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from torch import Generator
 
 from ship_trl.config.types import World
+from ship_trl.learn.network import DuelingNetwork
 from ship_trl.learn.rollout import Episode
 from ship_trl.sim.cases import Case, load_case, load_world
-from ship_trl.view.telemetry import measure, measure_episode
+from ship_trl.view.episode import Telemetry, measure_episode, saliency
 from tests.view.episodes import run_actions
 
 PLANS = st.lists(st.integers(0, 6), min_size=1, max_size=12)
@@ -26,7 +28,7 @@ def episode_of(name: str, plan: list[int]) -> tuple[Case, World, Episode]:
 
 @settings(max_examples=12)
 @given(NAMES, PLANS)
-def test_the_terms_sum_up_to_the_return(name: str, plan: list[int]) -> None:
+def test_the_terms_sum_up_and_the_end_is_the_environments(name: str, plan: list[int]) -> None:
     case, world, episode = episode_of(name, plan)
     numbers = measure_episode(case, world, episode)
     assert numbers.total[-1] == pytest.approx(episode.episode_return, abs=1e-3)
@@ -35,13 +37,6 @@ def test_the_terms_sum_up_to_the_return(name: str, plan: list[int]) -> None:
     assert set(numbers.terms) == {"goal", "collision", "distance", "deviation"}
     assert (numbers.terms["goal"][-1] > 0) == episode.goal
     assert (numbers.terms["collision"][-1] < 0) == episode.collision
-
-
-@settings(max_examples=12)
-@given(NAMES, PLANS)
-def test_outcome_and_closest_approach_are_the_environments(name: str, plan: list[int]) -> None:
-    case, world, episode = episode_of(name, plan)
-    numbers = measure_episode(case, world, episode)
     assert numbers.outcome == episode.outcome and numbers.steps == episode.length
     if case.target_ships:
         assert numbers.closest[-1].min() == pytest.approx(episode.dcpa, abs=1e-3)
@@ -54,7 +49,7 @@ def test_an_episode_so_far_has_the_numbers_of_the_whole_one(plan: list[int], ste
     case, world, episode = episode_of("4", plan)
     steps = min(steps, episode.length - 1)
     whole = measure_episode(case, world, episode)
-    so_far = measure(case, world, episode.states[: steps + 1], episode.actions[:steps])
+    so_far = Telemetry(case, world, episode.states[: steps + 1], episode.actions[:steps])
     assert so_far.outcome is None and so_far.action(steps) is None and so_far.q(0) is None
     assert so_far.total == pytest.approx(whole.total[: steps + 1])
     # Of the start the first action is not known yet.
@@ -94,15 +89,6 @@ def test_positions_between_steps_are_interpolated() -> None:
         assert numbers.at(outside)[0] == pytest.approx(numbers.states[end, :3])
 
 
-def test_an_episode_that_has_not_begun() -> None:
-    world = load_world()
-    case = load_case("4", world)
-    state = run_actions(case, world, [3]).states[:1]
-    numbers = measure(case, world, state, torch.zeros(0, dtype=torch.int64))
-    assert numbers.steps == 0 and numbers.outcome is None and numbers.total.tolist() == [0.0]
-    assert numbers.at(0.0)[0] == pytest.approx(numbers.states[0, :3])
-
-
 def test_the_closest_approach_is_within_steps_too(make_case: Callable[..., Case], world: World) -> None:
     """At 215 m/s a ship is 104 m away before and after the second step, and 60 m abeam in between."""
     case = make_case((60.0, 300.0, 270.0, 200.0))
@@ -112,3 +98,30 @@ def test_the_closest_approach_is_within_steps_too(make_case: Callable[..., Case]
     assert found is not None and np.linalg.norm(found[0] - found[1]) == pytest.approx(60.0, abs=1.0)
     alone = measure_episode(make_case(), world, run_actions(make_case(), world, [3]))
     assert alone.closest_places() is None
+
+
+def test_saliency_marks_pixels_that_change_q() -> None:
+    made = DuelingNetwork(1, 7, Generator().manual_seed(1))
+    pixels = torch.randint(0, 256, (1, 84, 84), generator=Generator().manual_seed(2), dtype=torch.uint8)
+    heat = torch.from_numpy(saliency(made, pixels))
+    assert heat.shape == (84, 84) and float(heat.max()) == 1.0 and float(heat.min()) >= 0
+    with torch.no_grad():
+        q = made(pixels[None])
+        best = int(q.argmax())
+
+        def change(block: torch.Tensor) -> float:
+            moved = pixels.float()
+            moved[0, block] += 1.0
+            return abs(float(made.dueling(made.encode(moved[None]))[0, best] - q[0, best]))
+
+        # Single pixels cancel; a bright patch has more effect than a dark one in the mean.
+        order = heat.flatten().argsort()
+        effects = []
+        for pick in (order[:400], order[-400:]):
+            one = []
+            for place in pick[::8]:
+                block = torch.zeros(84 * 84, dtype=torch.bool)
+                block[place] = True
+                one.append(change(block.view(84, 84)))
+            effects.append(sum(one) / len(one))
+    assert effects[1] > 2 * effects[0]

@@ -1,4 +1,4 @@
-"""Learning curves: of one run, beside runs from scratch, of many arms beside each other."""
+"""Charts: each line is at its height, and each panel and legend at its place."""
 
 import math
 from dataclasses import replace
@@ -10,12 +10,15 @@ import pytest
 from numpy.typing import NDArray
 from PIL import Image
 
+from ship_trl.config.types import World
 from ship_trl.files.curve import GREEDY, TRAINING
 from ship_trl.files.record import Evaluation, RunRecord
 from ship_trl.learn.train import Finished
-from ship_trl.view.curves import draw_comparison, draw_curve, draw_transfer
-from ship_trl.view.palette import CHART_SERIES, SCRATCH, arm_styles
+from ship_trl.sim.cases import load_case
+from ship_trl.view.charts import draw_comparison, draw_curve, draw_trajectories, draw_transfer
+from ship_trl.view.style import CHART_SERIES, SCRATCH, arm_styles
 from tests.a_result import a_result, an_evaluation
+from tests.view.episodes import run_actions
 
 OUTCOMES = ("collision", "timeout", "goal")
 ROWS = [
@@ -39,10 +42,8 @@ def pixels_of(picture: NDArray[np.uint8], colour: str) -> NDArray[np.int64]:
 
 
 def test_the_mean_rises_with_the_returns(tmp_path: Path) -> None:
-    path = tmp_path / "curve.png"
-    draw_curve(path, ROWS, EVALUATED, 63.7, "case 3 -> case 4, FT3, seed 0")
-    assert [p.name for p in tmp_path.iterdir()] == ["curve.png"]
-    picture = read(path)
+    draw_curve(tmp_path / "curve.png", ROWS, EVALUATED, 63.7, "case 3 -> case 4, FT3, seed 0")
+    picture = read(tmp_path / "curve.png")
     assert picture.shape == (800, 1200, 3)
     blue = pixels_of(picture[:, :850], CHART_SERIES[0])
     left, right = (blue[:, 1] < np.quantile(blue[:, 1], 0.2)), (blue[:, 1] > np.quantile(blue[:, 1], 0.8))
@@ -69,11 +70,9 @@ def test_a_curve_of_few_episodes_is_drawn(
 @pytest.mark.parametrize("seeds", [1, 5])
 def test_a_transfer_and_scratch_have_their_lines_at_their_heights(tmp_path: Path, seeds: int) -> None:
     """The line of scratch is black as letters are, but long and inside the axes; the better line is above."""
-    path = tmp_path / "transfer.png"
     scratch = np.full((seeds, 100), -200.0) + np.linspace(0.0, 4.0, seeds)[:, None]
-    draw_transfer(path, "FT3", [50.0] * 120, scratch, 83.9, "case $1 -> case 2_")
-    picture = read(path)
-    assert picture.shape == (750, 1200, 3)
+    draw_transfer(tmp_path / "transfer.png", "FT3", [50.0] * 120, scratch, 83.9, "case $1 -> case 2_")
+    picture = read(tmp_path / "transfer.png")
     axes = picture[60:600, 120:1100]
     run, black = pixels_of(axes, CHART_SERIES[0]), pixels_of(axes, SCRATCH)
     assert len(set(run[:, 1])) > 900 and len(set(black[:, 1])) > 400
@@ -93,13 +92,15 @@ def made(returns: NDArray[np.float64], greedy: NDArray[np.float64]) -> RunRecord
     return a_result(best_known_return=60.0, rows=table)
 
 
-def test_every_arm_has_its_line_at_its_height(tmp_path: Path) -> None:
+def test_every_arm_has_its_line_at_its_height_and_panels_stand_in_rows_of_three(tmp_path: Path) -> None:
     path = tmp_path / "curves.png"
     groups = {"FE3": [curve(0.0), curve(10.0), curve(5.0)], "FT3": [curve(50.0), curve(50.0, 55)]}
-    draw_comparison(path, {"case 4": groups, "case 2": groups})
-    assert [p.name for p in tmp_path.iterdir()] == ["curves.png"]
+    names = [f"case {k}" for k in range(5)]
+    draw_comparison(path, dict.fromkeys(names, groups))
     picture = read(path)
-    assert picture.shape == (640, 1040, 3)
+    assert picture.shape == (1280, 1560, 3)
+    places = picture.reshape(2, 640, 3, 520, 3)
+    assert (places < 128).any((1, 3, 4)).tolist() == [[True] * 3, [True, True, False]]
     # The lower half of the first panel, without its legend.
     heights = [np.median(pixels_of(picture[300:560, :520], colour)[:, 0]) for colour in CHART_SERIES[:2]]
     assert heights[0] > heights[1] + 50
@@ -113,18 +114,6 @@ def test_scratch_is_black_and_every_arm_has_a_style_of_its_own() -> None:
     assert styles[names[0]] == arm_styles(names)[names[0]]
 
 
-def test_many_panels_stand_in_rows_of_three(tmp_path: Path) -> None:
-    path = tmp_path / "curves.png"
-    names = [f"case {k}" for k in range(5)]
-    groups = {f"arm {k}": [curve(float(k))] for k in range(6)}
-    draw_comparison(path, dict.fromkeys(names, groups))
-    picture = read(path)
-    high, wide = picture.shape[0] // 2, picture.shape[1] // 3
-    assert wide <= 540 and high <= 700
-    places = picture[: 2 * high, : 3 * wide].reshape(2, high, 3, wide, 3)
-    assert (places < 128).any((1, 3, 4)).tolist() == [[True] * 3, [True, True, False]]
-
-
 def test_the_legend_covers_no_line(tmp_path: Path) -> None:
     path = tmp_path / "curves.png"
     falling = made(np.linspace(60, -300, 60), np.linspace(60, -90, 7))
@@ -134,3 +123,13 @@ def test_the_legend_covers_no_line(tmp_path: Path) -> None:
     for top, bottom in ((0, 300), (300, 570)):
         columns = np.unique(line[(line[:, 0] >= top) & (line[:, 0] < bottom), 1])
         assert columns[0] < 130 and columns[-1] > 490 and np.diff(columns).max() <= 3
+
+
+@pytest.mark.parametrize(("case", "panels"), [("4", 1), ("4", 6), ("1", 1)])
+def test_each_group_of_paths_has_a_panel(world: World, tmp_path: Path, case: str, panels: int) -> None:
+    chosen = load_case(case, world)
+    one = run_actions(chosen, world, (3, 4))
+    # A name is no formula.
+    draw_trajectories(tmp_path / "paths.png", chosen, world, {f"$g_{k}$": [one] for k in range(panels)})
+    apart = read(tmp_path / "paths.png").astype(int) - list(bytes.fromhex(CHART_SERIES[0][1:]))
+    assert (np.abs(apart).max(-1) < 12).sum() > 100 + 150 * panels

@@ -1,1 +1,0 @@
-"""Interactive windows: watch policies, or steer a ship."""

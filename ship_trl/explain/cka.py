@@ -14,12 +14,13 @@ import math
 import numpy as np
 from torch import Tensor
 
-from ship_trl.explain.bootstrap import LEVEL, Estimate, Floats, Ints
+from ship_trl.explain.states import Floats, Ints
+from ship_trl.study.statistics import CONFIDENCE, Estimate
 
 JACKKNIFE_GROUPS = 10
-# Half an interval, in standard errors, at `LEVEL`.
+# Half an interval, in standard errors, at `CONFIDENCE`.
 STANDARD_ERRORS = 1.96
-assert LEVEL == 0.95
+assert CONFIDENCE == 0.95
 
 
 def gram(activations: Tensor) -> Floats:

@@ -13,12 +13,12 @@ import torch
 from numpy.typing import NDArray
 from torch import Tensor
 
-from ship_trl.explain.bootstrap import UNKNOWN, Estimate, Floats, interval, resamples, state_mean
 from ship_trl.explain.cka import estimate, gram
 from ship_trl.explain.networks import Compared, Role
-from ship_trl.explain.probes import Probe, fit_probe
+from ship_trl.explain.probes import UNKNOWN, Probe, fit_probe, interval, resamples, state_mean
 from ship_trl.explain.saliency import Erased, greedy_actions
-from ship_trl.explain.states import StateSet
+from ship_trl.explain.states import Floats, StateSet
+from ship_trl.study.statistics import Estimate
 
 # Network, role and layer of the probes on raw pixels.
 PIXELS = "pixels"

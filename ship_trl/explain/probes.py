@@ -1,20 +1,24 @@
 """Linear probes: how well ridge regression reads a quantity from a layer (Alain and Bengio 2016).
 
 A good probe does not show that training put the quantity into the layer: pixels and random layers hold it
-too. The controls are raw pixels, the same layer of untrained networks, and shuffled labels.
+too. The controls are raw pixels, the same layer of untrained networks, and shuffled labels. Intervals are of
+resampled episodes: states of one episode are alike and no independent draws.
 """
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
 import scipy.linalg
 
-from ship_trl.explain.bootstrap import Floats, Ints, per_episode
-from ship_trl.explain.states import Quantity, StateSet
+from ship_trl.explain.states import Bools, Floats, Ints, Quantity, StateSet
+from ship_trl.study.statistics import CONFIDENCE, Estimate
 
+RESAMPLES = 2000
+UNKNOWN = Estimate(math.nan, math.nan, math.nan)
 # In units of the Gram matrix's mean diagonal.
 PENALTIES = tuple(float(10.0**power) for power in range(-5, 3))
 
@@ -106,3 +110,29 @@ def predict(kernel: Floats, labels: Floats, fitted: Ints, tested: Ints, penaltie
 def r2(predicted: Floats, labels: Floats) -> float:
     """Compute the share of the variance of labels [N, D] that is explained."""
     return float(1.0 - ((predicted - labels) ** 2).sum() / ((labels - labels.mean(0)) ** 2).sum())
+
+
+def resamples(episodes: int, generator: np.random.Generator, count: int = RESAMPLES) -> Floats:
+    """Draw how often each episode is in each resample: [count, episodes], each row sums to `episodes`."""
+    return generator.multinomial(episodes, np.full(episodes, 1 / episodes), count).astype(np.float64)
+
+
+def per_episode(values: Floats, episode: Ints) -> Floats:
+    """Sum values [N, ...] over the states of each episode: [E, ...], ordered by episode number."""
+    _, index = np.unique(episode, return_inverse=True)
+    sums = np.zeros((index.max() + 1, *values.shape[1:]))
+    np.add.at(sums, index, values)
+    return sums
+
+
+def interval(value: float, resampled: Floats) -> Estimate:
+    """Add the percentile interval of the resampled values [B] to a value."""
+    low, high = np.nanquantile(resampled, ((1 - CONFIDENCE) / 2, (1 + CONFIDENCE) / 2))
+    return Estimate(value, float(low), float(high))
+
+
+def state_mean(values: Floats | Bools, episode: Ints, generator: np.random.Generator) -> Estimate:
+    """Estimate the mean of a value over states [N]."""
+    sums = per_episode(np.stack((values, np.ones_like(values)), 1).astype(np.float64), episode)
+    resampled = resamples(len(sums), generator) @ sums
+    return interval(float(values.mean()), resampled[:, 0] / resampled[:, 1])

@@ -7,10 +7,10 @@ from dataclasses import dataclass
 
 import numpy as np
 import torch
+from numpy.typing import NDArray
 from torch import Generator, Tensor
 
 from ship_trl.config.errors import ConfigError
-from ship_trl.explain.bootstrap import Bools, Floats, Ints
 from ship_trl.explain.saliency import greedy_actions
 from ship_trl.learn.network import DuelingNetwork
 from ship_trl.sim.env import ShipEnv
@@ -27,6 +27,10 @@ from ship_trl.sim.state import (
     target_ships,
 )
 from ship_trl.sim.transition import Transition
+
+Bools = NDArray[np.bool_]
+Floats = NDArray[np.float64]
+Ints = NDArray[np.int64]
 
 # Only some states of an episode are taken, because neighbouring states hardly differ.
 STATES_PER_EPISODE = 10

@@ -35,21 +35,9 @@ def test_independent_noise_is_unrelated_however_many_features(features: int) -> 
     assert abs(np.mean([cka(*pair) for pair in pairs])) < 0.1
 
 
-def test_with_much_data_it_equals_the_formula_of_features() -> None:
-    x = noise(600, 4, 0)
-    y = x @ noise(4, 4, 1) + 0.5 * noise(600, 4, 2)
-    a, b = x - x.mean(0), y - y.mean(0)
-    known = float((b.T @ a).norm() ** 2 / ((a.T @ a).norm() * (b.T @ b).norm()))
-    assert cka(gram(x), gram(y)) == pytest.approx(known, abs=0.02)
-
-
 def test_hsic_has_no_bias() -> None:
     found = [hsic(gram(noise(12, 3, 2 * s)), gram(noise(12, 3, 2 * s + 1))) for s in range(400)]
     assert abs(np.mean(found)) < 3 * np.std(found) / math.sqrt(len(found))
-
-
-def test_a_layer_without_activity_has_no_cka() -> None:
-    assert math.isnan(cka(gram(torch.zeros(10, 4)), gram(noise(10, 4, 0))))
 
 
 def test_the_interval_contains_the_value_and_narrows_with_episodes() -> None:

@@ -76,14 +76,6 @@ def test_shuffled_labels_are_not_read(page: Path) -> None:
     assert ((rows.r2_low <= rows.r2) & (rows.r2 <= rows.r2_high)).all()
 
 
-def test_a_file_alone_gets_a_page_too(trained: Path, tmp_path: Path) -> None:
-    alone = tmp_path / "alone.safetensors"
-    shutil.copyfile(trained / RUN / "policy.safetensors", alone)
-    main([str(alone), "target=1", "--episodes", "60", "--seed", "3"])
-    roles = set(pd.read_csv(tmp_path / "outputs/explain/erased.csv").role)
-    assert roles == {"explained", "untrained"} and (tmp_path / "outputs/explain/index.html").is_file()
-
-
 def origin_of(run: Path) -> Origin:
     (entry,) = choose_entries([str(run)], False)
     return find_origin(entry, "mine")
@@ -129,17 +121,11 @@ def test_the_start_of_a_run_from_scratch_is_drawn_again(
     ("words", "message"),
     [
         ("random target=2", "policy: random has no network; allowed: a result folder or a safetensors file"),
-        ("FE2", "target: none given for FE2"),
-        ("nobody target=2", "policy: no nobody; allowed: random"),
-        ("none.safetensors target=2", "policy: no file none.safetensors"),
-        ("RUN target=2 --episodes 10", "--episodes: must be from 60 to 600, got 10"),
-        ("RUN target=2 --seed -1", "--seed: must be at least 0, got -1"),
         ("RUN RUN target=2", "is given twice"),
         (
             "RUN SOURCE",
             "is for case 2, and 1 scratch seed 0, best is for case 1; allowed: one, given as target=CASE",
         ),
-        ("RUN target=1,2", "allowed: one, given as target=CASE"),
         ("RUN FIVE target=2", "has other layers than"),
         ("VECTOR target=2", "vector.safetensors sees numbers; allowed: networks that see pixels"),
         ("RUN WORLD target=2", "differ in world or colours"),
@@ -170,35 +156,3 @@ def test_wrong_input_is_refused(
     taken.write_text("mine")
     assert message in refused(capsys, main, *(places.get(word, word) for word in words.split()))
     assert taken.read_text() == "mine"
-
-
-def test_the_default_output_follows_no_link(
-    trained: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
-) -> None:
-    monkeypatch.chdir(tmp_path)
-    (tmp_path / "outputs").mkdir()
-    (tmp_path / "private").mkdir()
-    (tmp_path / "outputs/explain").symlink_to(tmp_path / "private")
-    error = refused(capsys, main, str(trained / RUN), "target=2")
-    assert "--output: outputs/explain is a link" in error and not list((tmp_path / "private").iterdir())
-
-
-@pytest.mark.parametrize(
-    "line",
-    [
-        "record RUN --trajectories chart.png",
-        "record RUN --output film.gif",
-        "export RUN network.onnx",
-        "explain RUN",
-    ],
-)
-def test_a_result_without_its_best_network_is_named(line: str, trained: Path, tmp_path: Path) -> None:
-    shutil.copytree(trained / SOURCE, tmp_path / "seed=0")
-    (tmp_path / "seed=0/policy.safetensors").unlink()
-    verb, *words = line.replace("RUN", "seed=0").split()
-    done = ship_trl(*words, verb=verb, folder=tmp_path, code=1)
-    assert done.stderr.splitlines() == [
-        "ship_trl: seed=0/policy.safetensors is missing; left out",
-        "ship_trl: policy: seed=0/policy_last.safetensors is a last network; policy.safetensors is missing",
-    ]
-    assert [path.name for path in tmp_path.iterdir()] == ["seed=0"]

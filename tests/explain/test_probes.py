@@ -7,10 +7,18 @@ import pytest
 import torch
 from torch import Generator, Tensor
 
-from ship_trl.explain.bootstrap import Bools, Floats, interval, per_episode, resamples, state_mean
 from ship_trl.explain.cka import gram
-from ship_trl.explain.probes import Probe, fit_probe, predict, r2
-from ship_trl.explain.states import Quantity
+from ship_trl.explain.probes import (
+    Probe,
+    fit_probe,
+    interval,
+    per_episode,
+    predict,
+    r2,
+    resamples,
+    state_mean,
+)
+from ship_trl.explain.states import Bools, Floats, Quantity
 from tests.explain.worlds import some_states
 
 

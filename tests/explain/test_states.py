@@ -17,13 +17,6 @@ def test_no_episode_is_in_two_parts() -> None:
     assert (np.bincount(states.episode) == STATES_PER_EPISODE).all()
 
 
-def test_the_seed_decides() -> None:
-    again, other = some_states.__wrapped__(), some_states(seed=1)
-    assert torch.equal(some_states().states, again.states)
-    assert np.array_equal(some_states().held_out, again.held_out)
-    assert not torch.equal(some_states().states, other.states)
-
-
 def test_states_are_of_running_episodes() -> None:
     states, world = some_states(), env_of().world
     assert bool((relative_positions(states.states).norm(dim=-1) > world.safe_distance).all())
@@ -45,8 +38,3 @@ def test_bearing_and_distance_give_back_the_goal() -> None:
     np.testing.assert_allclose(goal, np.broadcast_to(env_of().case.goal, goal.shape), atol=0.05)
     shown = distance.values[:, 0] <= VIEW_RADIUS
     assert (distance.visible == shown).all() and bearing.visible.all()
-
-
-def test_a_case_without_ships_has_the_goal_alone() -> None:
-    assert not env_of("1").case.target_ships
-    assert {q.name for q in some_states("1").quantities} == {"bearing of the goal", "distance of the goal"}

@@ -166,7 +166,7 @@ def draw(path: Path, curves: Sequence[Curve]) -> None:
     """Write a PNG of success over minutes, 1200 x 750: a colour a learner, a dash a seed."""
     from matplotlib.figure import Figure
 
-    from ship_trl.view.style import CHART_DASHES, CHART_SERIES, MUTED, tidy
+    from ship_trl.view.style import CHART_DASHES, CHART_SERIES, MUTED, save_figure, tidy
 
     figure = Figure(figsize=(12, 7.5), dpi=100, layout="constrained")
     axes = figure.subplots()

@@ -329,12 +329,6 @@ def test_a_window_shows_each_step(monkeypatch: pytest.MonkeyPatch) -> None:
     env.close()
 
 
-def test_without_a_screen_a_window_is_refused(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setenv("SDL_VIDEODRIVER", "nothing")
-    with pytest.raises(ConfigError, match=r"no screen .*allowed without a screen: render_mode=rgb_array"):
-        ShipCollisionEnv(render_mode="human").reset()
-
-
 def test_of_a_suite_it_renders_the_ships_of_the_scene_alone() -> None:
     env = ShipCollisionEnv(case="paper", render_mode="rgb_array")
     pictures = {}

@@ -64,13 +64,6 @@ def test_missing_seeds_are_added(folder: Path) -> None:
     assert "seed 1: " in said and "seed 0: " not in said
 
 
-def test_earlier_seeds_are_kept_if_a_later_one_is_damaged(folder: Path) -> None:
-    (folder / LAYERS).unlink()
-    (folder / FE2 / "seed=1/policy.safetensors").write_bytes(b"\x80")
-    refused(folder)
-    assert {row.seed for row in read_layers(folder / LAYERS)} == {0}
-
-
 def test_an_untrusted_study_runs_no_code(folder: Path) -> None:
     (folder / LAYERS).unlink()
     (folder / "evil.py").write_text(f"open({str(folder / 'ran')!r}, 'w')\n")
@@ -81,18 +74,6 @@ def test_an_untrusted_study_runs_no_code(folder: Path) -> None:
     assert not (folder / "ran").exists()
 
 
-def test_seeds_without_networks_are_kept(folder: Path) -> None:
-    before = (folder / LAYERS).read_bytes()
-    for network in (folder / STUDY / "pairs").rglob("policy.safetensors"):
-        network.unlink()
-    layers(folder)
-    assert (folder / LAYERS).read_bytes() == before
-    assert "folder: " in refused(folder, "new.csv")
-    assert not (folder / "new.csv").exists()
-    (folder / LAYERS).write_text("seed,pair\n0,high\n")
-    assert f"table: {LAYERS} is not a table of layers" in refused(folder)
-
-
 def test_the_report_draws_the_table_beside_the_runs(folder: Path, capsys: pytest.CaptureFixture[str]) -> None:
     place, picture = folder / STUDY, folder / STUDY / "report/layers.png"
     report([str(place)])
@@ -101,13 +82,3 @@ def test_the_report_draws_the_table_beside_the_runs(folder: Path, capsys: pytest
     report([str(place)])
     drawn = picture.read_bytes()
     assert len(drawn) > 5_000 and capsys.readouterr().err == ""
-    # Rows of runs that the study lacks are not drawn.
-    with (place / LAYERS).open("a") as file:
-        file.write("7,high,FE2,source,conv1,0.5\n")
-    report([str(place)])
-    assert "1 of 46 rows are of missing runs; left out" in capsys.readouterr().err
-    assert picture.read_bytes() == drawn
-    (place / LAYERS).write_bytes(b"\x80")
-    report([str(place)])
-    assert f"{place / LAYERS}: " in capsys.readouterr().err
-    assert not picture.exists()

@@ -16,7 +16,7 @@ from ship_trl.files.record import Evaluation, RunRecord
 from ship_trl.learn.train import Finished
 from ship_trl.sim.cases import load_case
 from ship_trl.view.charts import draw_comparison, draw_curve, draw_trajectories, draw_transfer
-from ship_trl.view.style import CHART_SERIES, SCRATCH, arm_styles
+from ship_trl.view.style import CHART_SERIES, SCRATCH
 from tests.a_result import a_result, an_evaluation
 from tests.view.episodes import run_actions
 
@@ -104,14 +104,6 @@ def test_every_arm_has_its_line_at_its_height_and_panels_stand_in_rows_of_three(
     # The lower half of the first panel, without its legend.
     heights = [np.median(pixels_of(picture[300:560, :520], colour)[:, 0]) for colour in CHART_SERIES[:2]]
     assert heights[0] > heights[1] + 50
-
-
-def test_scratch_is_black_and_every_arm_has_a_style_of_its_own() -> None:
-    names = [f"arm {k}" for k in range(23)]
-    styles = arm_styles([*names[:5], "scratch", *names[5:]])
-    assert styles["scratch"] == {"color": "#000000", "linestyle": "-"}
-    assert len({tuple(style.values()) for style in styles.values()}) == 24
-    assert styles[names[0]] == arm_styles(names)[names[0]]
 
 
 def test_the_legend_covers_no_line(tmp_path: Path) -> None:

@@ -1,7 +1,6 @@
 """The network's picture is the one that pygame draws large, from the same sizes and colours."""
 
 import math
-from collections.abc import Callable
 
 import numpy as np
 import pygame
@@ -112,18 +111,3 @@ def test_speed_vectors_are_the_same(world: World) -> None:
         whole, parts = compare(network, large)
         assert whole > 0.995 and parts > 0.985, state
         assert compare(network, network_picture(case, world, state))[0] < whole
-
-
-def test_colours_are_the_scenes(world: World, make_case: Callable[..., Case]) -> None:
-    """Own ship at (100, 0) heading east: astern of it is west, a target ship 300 m on port side."""
-    case = make_case((100.0, 300.0, 0.0, 0.0))
-    picture = pen.to_array(draw_large(world, scenes(case, world, [[100.0, 0.0, 0.0, 5.0]])[0], 640))
-    at = lambda right, ahead: tuple(picture[round(320 - ahead / 2), round(320 + right / 2)])  # noqa: E731
-    assert at(-630, 630) == scene.OUTSIDE
-    assert at(0, -200) == scene.DISC
-    assert at(0, -52) == scene.GOAL_CIRCLE
-    assert at(35, -20) == scene.SAFE_CIRCLE
-    assert at(0, -25) == scene.OWN
-    assert at(-300, 0) == scene.TARGET
-    # The goal is 100 m astern and 600 m on port side.
-    assert at(-540, -90) == scene.LINE

@@ -270,17 +270,6 @@ def test_two_policies_go_in_step() -> None:
         Session([entry("keep_course")], compare=True)
 
 
-def test_policies_with_cases_of_their_own_bring_them() -> None:
-    own = Session([entry("keep_course", "4"), entry("random", "1")])
-    own.next_policy()
-    assert own.case.name == "1"
-    crossed = Session([entry(p, c) for p in ("keep_course", "random") for c in ("1", "4")])
-    assert [case.name for case in crossed.cases] == ["1", "4"]
-    crossed.next_case()
-    crossed.next_policy()
-    assert crossed.case.name == "4" and crossed.views[0].title == "random"
-
-
 def to_the_end(game: Game) -> None:
     for _ in range(2 * WORLD.max_steps):
         game.tick(1.0)
@@ -334,22 +323,6 @@ def test_a_finished_game_follows_the_world_and_is_kept(game: Game, tmp_path: Pat
     assert game.actions == [] and game.is_running
 
 
-def test_a_collision_is_an_end_too(game: Game) -> None:
-    press(game, "c", "space")
-    assert game.case.name == "4"
-    to_the_end(game)
-    assert game.telemetry.outcome == "collision" and "collision: " in game.status
-    assert [path.name for path in game.kept] == ["4-001.json"]
-
-
-def test_help_and_quitting(game: Game) -> None:
-    before = press(game)
-    assert (press(game, "h") != before).any()
-    assert (press(game, "escape") == before).all() and not game.is_closed
-    press(game, "escape")
-    assert game.is_closed
-
-
 @pytest.fixture
 def screen() -> Iterator[str]:
     """A virtual screen of its own."""
@@ -366,6 +339,7 @@ def screen() -> Iterator[str]:
         server.wait()
 
 
+@pytest.mark.long  # it starts a server of the screen
 @pytest.mark.skipif(not all(map(shutil.which, PROGRAMS)), reason=f"needs {' and '.join(PROGRAMS)}")
 def test_real_keys_in_a_real_window(screen: str, tmp_path: Path) -> None:
     there = environment() | {"DISPLAY": screen}

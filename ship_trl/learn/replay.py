@@ -78,8 +78,8 @@ class TransitionStorage(Storage):
             rows[where] = data.get(key)
         if set_cursor:
             self._set_last_cursor(cursor)
-            rows = cursor.tolist() if isinstance(cursor, Tensor) and cursor.dim() else [int(cursor)]
-            self._len, self.newest = max(self._len, *(row + 1 for row in rows)), rows[-1]
+            written = cursor.tolist() if isinstance(cursor, Tensor) and cursor.dim() else [int(cursor)]
+            self._len, self.newest = max(self._len, 1 + max(written)), written[-1]
         self._bump_mutation_revision()
 
     def get(self, index: Any) -> TensorDict:

@@ -5,14 +5,11 @@ from __future__ import annotations
 import argparse
 import os
 import sys
-from collections.abc import Callable
-from functools import partial
-from pathlib import Path
+from importlib.util import find_spec
 
-from benchmarks import curves, encounters, gpu
-from benchmarks.work import require_peers
 from ship_trl.cli.errors import refusals
-from ship_trl.cli.parser import make_parser
+from ship_trl.cli.parser import add_number, make_parser
+from ship_trl.config.bounds import Positive, PositiveShare
 from ship_trl.config.errors import ConfigError
 from ship_trl.config.types import bfloat16_allowed
 
@@ -25,90 +22,84 @@ PARTS = {
     "memory": "Memory of a replay beside Stable-Baselines3's, and of a whole run",
     "checkpoints": "Checkpoints of a run of the paper's length, replay full",
 }
-# Not part of all: they have arguments of their own.
-ALONE = {
-    "encounters": ("What policies do in suites of encounters", encounters.main),
-    "curves": ("Success over minutes of training beside Stable-Baselines3", curves.main),
-    "gpu": ("Simulation, updates and training loops on a GPU", gpu.main),
+# With --device cuda, beside Stable-Baselines3 and beside ours without CUDA graphs.
+GPU_PARTS = {
+    "simulator": "Simulation and drawing of 84x84 pixels",
+    "update": "One gradient step",
+    "loop": "Training loop",
+    "lockstep": "Training loops of many agents, batches of 32, an update every 3 steps",
 }
 
 
 def main(arguments: list[str] | None = None) -> None:
-    """Run the parts, print their tables, and write the JSON file if one is asked for."""
+    """Run the parts, and print their tables."""
     # As `ship_trl.__main__` does.
     os.environ["MPLBACKEND"] = "agg"
     words = sys.argv[1:] if arguments is None else arguments
-    if words and words[0] in ALONE:
-        ALONE[words[0]][1](words[1:])
+    if words and words[0] == "curves":
+        with refusals():
+            require_peers()
+        from benchmarks import curves
+
+        curves.main(words[1:])
         return
-    alone = {part: f"{title}; see {part} --help" for part, (title, _) in ALONE.items()}
-    parts = "\n".join(f"    {part:12} {title}" for part, title in (PARTS | alone).items())
-    parser = make_parser("benchmarks", f"{__doc__}\n\nParts:\n{parts}")
+    parts = "\n".join(f"    {part:12} {title}" for part, title in (GPU_PARTS | PARTS).items())
+    alone = "    curves       Success over minutes of training beside Stable-Baselines3; see curves --help"
+    parser = make_parser("", f"{__doc__}\n\nParts:\n{parts}\n{alone}")
     parser.prog = "python -m benchmarks"
     parser.add_argument("parts", nargs="*", metavar="PART", help="default: all")
-    parser.add_argument("--rounds", type=int, default=5, help="passes over the probes of a part (default 5)")
-    parser.add_argument("--seconds", type=float, default=2.0, help="for a probe in a round (default 2)")
-    parser.add_argument("--json", type=Path, metavar="FILE", help="write every value there")
+    parser.add_argument("--device", choices=("cpu", "cuda"), default="cpu", help="default cpu")
+    add_number(parser, "--rounds", Positive, 5, "passes over the probes of a part (default 5)")
+    add_number(parser, "--seconds", PositiveShare, 1.0, "for a probe in a round, at most 1 (default 1)")
     parser.add_argument("--markdown", action="store_true", help="print Markdown tables")
     options = parser.parse_args(words)
     with refusals():
-        check(options)
-        run(options)
+        allowed = PARTS if options.device == "cpu" else GPU_PARTS
+        for part in options.parts:
+            if part not in allowed:
+                raise ConfigError(f"benchmarks: no part {part}; allowed: {', '.join(allowed)}")
+        require_peers()
+        bfloat16_allowed()
+        run(options, allowed)
 
 
-def check(options: argparse.Namespace) -> None:
-    """Check the options and what must be installed.
-
-    Raises:
-        ConfigError: an option is out of range, its folder or a library is missing.
-    """
-    for part in options.parts:
-        if part not in PARTS:
-            raise ConfigError(f"benchmarks: no part {part}; allowed: {', '.join([*PARTS, *ALONE])}")
-    if options.rounds < 1:
-        raise ConfigError(f"--rounds: must be at least 1, got {options.rounds}")
-    if not options.seconds > 0:
-        raise ConfigError(f"--seconds: must be above 0, got {options.seconds}")
-    if options.json is not None and not options.json.absolute().parent.is_dir():
-        raise ConfigError(f"--json: no folder {options.json.absolute().parent}")
-    require_peers()
-    bfloat16_allowed()
+def require_peers() -> None:
+    """Raise a ConfigError if Stable-Baselines3 is missing."""
+    if find_spec("stable_baselines3") is None:
+        raise ConfigError(
+            "benchmarks: stable_baselines3 is missing; allowed: pip install -e '.[bench]' first"
+        )
 
 
-def run(options: argparse.Namespace) -> None:
+def run(options: argparse.Namespace, titles: dict[str, str]) -> None:
     """Measure one part after the other."""
     # After the checks: torch takes seconds to import.
     import torch
-    from rich.console import Console
 
-    from benchmarks import checkpoints, learning, memory, simulator
-    from benchmarks.table import compare, print_table, write_json
-    from benchmarks.timing import Measurement, measure
+    from benchmarks import learning, simulator, sizes
+    from benchmarks.timing import measure, print_table
     from ship_trl.run.process import configure_process, processor_name
 
-    probes = {
-        "loop": learning.loop_probes,
-        "update": learning.update_probes,
-        "frozen": learning.frozen_probes,
-        "vector": learning.vector_probes,
-        "simulator": simulator.probes,
-    }
-    sizes: dict[str, Callable[[], list[Measurement]]] = {
-        "memory": memory.measure_memory,
-        "checkpoints": partial(checkpoints.measure_checkpoints, options.rounds, options.seconds),
-    }
+    device, is_gpu = options.device, options.device == "cuda"
+    if is_gpu and not torch.cuda.is_available():
+        raise ConfigError("--device: no CUDA device is available here; allowed: cpu")
     configure_process()
-    machine = f"{processor_name()}, torch {torch.__version__}, {torch.get_num_threads()} thread"
-    Console(highlight=False).print(machine)
-    rows = []
-    for part in options.parts or PARTS:
-        timed = part in probes
-        found = measure(probes[part](), options.rounds, options.seconds) if timed else sizes[part]()
-        compared = compare(part, found)
-        print_table(PARTS[part], compared, options.markdown)
-        rows += compared
-    if options.json is not None:
-        write_json(options.json, machine, rows)
+    machine = torch.cuda.get_device_name() if is_gpu else processor_name()
+    sys.stdout.write(f"{machine}, torch {torch.__version__}, {torch.get_num_threads()} thread\n")
+    for part in options.parts or titles:
+        if part == "memory":
+            found = sizes.measure_memory()
+        elif part == "checkpoints":
+            found = sizes.measure_checkpoints(options.rounds, options.seconds)
+        else:
+            make = simulator.probes if part == "simulator" else learning.PROBES[part]
+            finish = torch.cuda.synchronize if is_gpu else lambda: None
+            found = measure(make(device), options.rounds, options.seconds, finish)
+        print_table(titles[part], found, options.markdown)
+        if is_gpu:
+            most = torch.cuda.max_memory_allocated() / 2**30
+            sys.stdout.write(f"at most {most:.2f} GiB of GPU memory\n")
+            torch.cuda.reset_peak_memory_stats()
 
 
 if __name__ == "__main__":

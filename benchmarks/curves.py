@@ -4,7 +4,7 @@ ship_trl and Stable-Baselines3's DQN and PPO learn from the same numbers on suit
 other. Every half minute of training, their greedy policies meet the scenes of `traffic_test`. Minutes are
 processor time, evaluations not counted. ship_trl trains as `target=traffic method=scratch
 observation=vector`, whose profile adds a cost of near passes to the reward; the others learn from the
-environment's reward. Their settings are in benchmarks/peer_vector.py.
+environment's reward.
 """
 
 from __future__ import annotations
@@ -13,60 +13,91 @@ import sys
 import time
 from argparse import Namespace
 from collections.abc import Callable, Sequence
-from dataclasses import asdict, dataclass
 from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import Annotated, Any
 
+import numpy as np
+import pandas as pd
+import torch
+from matplotlib.figure import Figure
+from numpy.typing import NDArray
 from pydantic import Field
+from stable_baselines3 import DQN, PPO
+from stable_baselines3.common.base_class import BaseAlgorithm
+from stable_baselines3.common.callbacks import BaseCallback
+from stable_baselines3.common.vec_env import VecEnv
+from tensordict import TensorDictBase
+from torch import Generator
 
-from benchmarks.work import require_peers
+from benchmarks.ours import Ours, plan
 from ship_trl.cli.errors import refusals
 from ship_trl.cli.parser import add_number, make_parser
 from ship_trl.config.bounds import Seed
+from ship_trl.config.network import load_network
 from ship_trl.config.schema import read_as
+from ship_trl.fast.worlds import make_env, make_starts
+from ship_trl.files.disk import atomic_write
+from ship_trl.gym import ShipCollisionVectorEnv
+from ship_trl.learn.rollout import Policy, rollout
+from ship_trl.run.console import show
+from ship_trl.run.process import configure_process, processor_name
+from ship_trl.sim.cases import load_world
+from ship_trl.sim.env import ShipEnv
+from ship_trl.sim.suites import load_suite
+from ship_trl.sim.vector import VectorObservation
+from ship_trl.view.style import CHART_DASHES, CHART_SERIES, MUTED, save_figure, tidy
 
-if TYPE_CHECKING:
-    from benchmarks.peer_vector import Record
-    from ship_trl.learn.rollout import Policy
-    from ship_trl.sim.env import ShipEnv
-
-TEST_SUITE, MINUTES = "traffic_test", 10.0
-# Minutes of training between two evaluations.
-EVERY = 0.5
+# Minutes of a training, and between two evaluations.
+TEST_SUITE, MINUTES, EVERY = "traffic_test", 10.0, 0.5
 # Shares of test scenes solved that the table has the minutes of.
 GOALS = (0.90, 0.95)
 TABLE, PICTURE = Path("outputs/curves.csv"), Path("outputs/curves.png")
-
-
-@dataclass(frozen=True)
-class Point:
-    """The share of test scenes that a learner solves after some minutes and environment steps."""
-
-    learner: str
-    seed: int
-    minutes: float
-    steps: int
-    success: float
+NUM_ENVS = 64
+# Ours takes about as many in its 26,000 episodes; a number of whole rollouts of PPO.
+STEPS = 290 * 4096
+# All ships at once: layers that see one ship at a time are ours.
+REWARD_SCALE, GAMMA, LAYERS = 0.1, 0.97, [256, 256, 256]
+# Settings that Stable-Baselines3's users would choose. What ours has too is as in conf/profile/traffic.yaml.
+DQN_SETTINGS: dict[str, Any] = {
+    "learning_rate": 5e-4,
+    "buffer_size": 200_000,
+    "learning_starts": 2000,
+    "batch_size": 128,
+    "n_steps": 3,
+    # Four updates every 64 steps, and the target network follows by as much as by 0.01 an update.
+    "train_freq": 1,
+    "gradient_steps": 4,
+    "target_update_interval": NUM_ENVS,
+    "tau": 0.04,
+    "exploration_fraction": 0.33,
+    "exploration_final_eps": 0.03,
+}
+PPO_SETTINGS: dict[str, Any] = {
+    "learning_rate": 3e-4,
+    "n_steps": 64,
+    "batch_size": 512,
+    "n_epochs": 10,
+    "ent_coef": 0.01,
+}
+# Takes the greedy policy, the steps so far and whether training ends; returns whether to continue.
+Record = Callable[[Policy, int, bool], bool]
 
 
 class Curve:
-    """The points of one training, whose clock starts at the first `record`."""
+    """The evaluations of one training, whose clock starts at the first `record`.
+
+    `points` are minutes, environment steps, and the share of test scenes solved.
+    """
 
     def __init__(self, learner: str, seed: int, minutes: float, env: ShipEnv) -> None:
         self.learner, self.seed, self._limit, self._env = learner, seed, minutes, env
-        self.points: list[Point] = []
+        self.name = f"{learner}, seed {seed}"
+        self.points: list[tuple[float, int, float]] = []
         self._began = 0.0
-
-    @property
-    def name(self) -> str:
-        """Name of learner and seed."""
-        return f"{self.learner}, seed {self.seed}"
 
     def record(self, policy: Policy, steps: int, is_last: bool) -> bool:
         """Evaluate the policy if it is time to; return whether training goes on."""
-        from ship_trl.learn.rollout import rollout
-
         now = time.process_time()
         if not self.points:
             self._began = now
@@ -75,19 +106,19 @@ class Curve:
         if ends or minutes >= EVERY * len(self.points):
             episodes = rollout(self._env, policy)
             success = sum(one.goal for one in episodes) / len(episodes)
-            self.points.append(Point(self.learner, self.seed, minutes, steps, success))
+            self.points.append((minutes, steps, success))
             sys.stdout.write(f"{self.name}: {minutes:.1f} minutes, {steps:,} steps, {success:.1%}\n")
             self._began += time.process_time() - now
         return not ends
 
     def minutes_to(self, goal: float) -> float | None:
-        """Return the minutes of the first point at a goal or above; None if there is none."""
-        return next((one.minutes for one in self.points if one.success >= goal), None)
+        """Return the minutes of the first evaluation at a goal or above; None if there is none."""
+        return next((minutes for minutes, _, success in self.points if success >= goal), None)
 
 
 def main(arguments: list[str]) -> None:
     """Train all learners; write their curves and a picture, and print a table."""
-    parser = make_parser("curves", f"{__doc__}\n\nWrites:\n    {TABLE}, {PICTURE}")
+    parser = make_parser("", f"{__doc__}\n\nWrites:\n    {TABLE}, {PICTURE}")
     parser.prog = "python -m benchmarks curves"
     positive = Annotated[float, Field(gt=0)]
     add_number(parser, "--minutes", positive, MINUTES, f"of each training, at most (default {MINUTES:g})")
@@ -95,26 +126,15 @@ def main(arguments: list[str]) -> None:
     parser.add_argument("--seeds", nargs="+", type=read_seed, default=[0], metavar="N", help="default 0")
     options = parser.parse_args(arguments)
     with refusals():
-        require_peers()
         run(options)
 
 
 def run(options: Namespace) -> None:
     """Train every learner with every seed, one after the other."""
-    import torch
-    from torch import Generator
-
-    from benchmarks.peer_vector import train_dqn, train_ppo
-    from ship_trl.fast.worlds import make_env, make_starts
-    from ship_trl.run.process import configure_process, processor_name
-    from ship_trl.sim.cases import load_world
-    from ship_trl.sim.suites import load_suite
-    from ship_trl.study.report.tables import write_csv
-
     learners: dict[str, Callable[[int, Record], None]] = {
         "ours": train_ours,
-        "SB3 DQN": train_dqn,
-        "SB3 PPO": train_ppo,
+        "SB3 DQN": partial(train_peer, DQN, DQN_SETTINGS),
+        "SB3 PPO": partial(train_peer, PPO, PPO_SETTINGS),
     }
     configure_process()
     sys.stdout.write(f"{processor_name()}, torch {torch.__version__}, {torch.get_num_threads()} thread\n")
@@ -128,17 +148,23 @@ def run(options: Namespace) -> None:
             curve = Curve(name, seed, options.minutes, env)
             train(seed, curve.record)
             curves.append(curve)
-            write_csv(TABLE, [asdict(point) for one in curves for point in one.points])
+            rows = [(one.learner, one.seed, *point) for one in curves for point in one.points]
+            table = pd.DataFrame(rows, columns=["learner", "seed", "minutes", "steps", "success"])
+            with atomic_write(TABLE) as draft:
+                table.to_csv(draft, index=False)
             draw(PICTURE, curves)
-    print_curves(curves, options.minutes)
+    cells = []
+    for curve in curves:
+        found = [curve.minutes_to(goal) for goal in GOALS]
+        _, steps, success = curve.points[-1]
+        told = ["not reached" if one is None else f"{one:.1f}" for one in found]
+        cells.append([curve.name, *told, f"{success:.1%}", f"{steps:,}"])
+    show(("learner", *(f"minutes to {goal:.0%}" for goal in GOALS), "last", "steps"), cells)
     sys.stdout.write(f"{TABLE}\n{PICTURE}\n")
 
 
 def train_ours(seed: int, record: Record) -> None:
     """Train as a run does, but without its own evaluations, until `record` returns False."""
-    from benchmarks.ours import Ours
-    from benchmarks.work import plan
-
     words = ("target=traffic", "profile=traffic", "method=scratch", "observation=vector", f"seed={seed}")
     ours = Ours(plan(*words, "learn.evaluate_every=1000000", "learn.evaluate_episodes=1"))
     training, policy = ours.training, ours.algorithm.greedy
@@ -148,33 +174,15 @@ def train_ours(seed: int, record: Record) -> None:
             pass
 
 
-def print_curves(curves: Sequence[Curve], minutes: float) -> None:
-    """Print the minutes to each goal, and the last share of test scenes solved."""
-    from rich.console import Console
-    from rich.table import Table
-
-    table = Table("learner", *(f"minutes to {goal:.0%}" for goal in GOALS), "last", "steps")
-    for curve in curves:
-        found = [curve.minutes_to(goal) for goal in GOALS]
-        cells = [f"not reached in {minutes:g} minutes" if one is None else f"{one:.1f}" for one in found]
-        last = curve.points[-1]
-        table.add_row(curve.name, *cells, f"{last.success:.1%}", f"{last.steps:,}")
-    Console(highlight=False).print(table)
-
-
 def draw(path: Path, curves: Sequence[Curve]) -> None:
     """Write a PNG of success over minutes, 1200 x 750: a colour a learner, a dash a seed."""
-    from matplotlib.figure import Figure
-
-    from ship_trl.view.style import CHART_DASHES, CHART_SERIES, MUTED, save_figure, tidy
-
     figure = Figure(figsize=(12, 7.5), dpi=100, layout="constrained")
     axes = figure.subplots()
     learners, seeds = ([*dict.fromkeys(getattr(one, key) for one in curves)] for key in ("learner", "seed"))
     for curve in curves:
         colour = CHART_SERIES[learners.index(curve.learner) % len(CHART_SERIES)]
         dash = CHART_DASHES[seeds.index(curve.seed) % len(CHART_DASHES)]
-        minutes, success = zip(*((one.minutes, one.success) for one in curve.points), strict=True)
+        minutes, _, success = zip(*curve.points, strict=True)
         axes.plot(minutes, success, color=colour, linestyle=dash, linewidth=2.2, label=curve.name)
     for goal in GOALS:
         axes.axhline(goal, color=MUTED, linewidth=1, linestyle=":")
@@ -184,3 +192,84 @@ def draw(path: Path, curves: Sequence[Curve]) -> None:
     axes.margins(x=0.01)
     axes.legend(loc="lower right", fontsize=12, frameon=False, handlelength=3)
     save_figure(figure, path)
+
+
+class ShipVecEnv(VecEnv):
+    """The vector environment for Gymnasium, with the methods that Stable-Baselines3 calls."""
+
+    def __init__(self, envs: ShipCollisionVectorEnv) -> None:
+        self._envs, self._actions = envs, np.zeros(envs.num_envs, np.int64)
+        super().__init__(envs.num_envs, envs.single_observation_space, envs.single_action_space)
+
+    def reset(self) -> NDArray[Any]:
+        """Begin all episodes; return observations [N, ...]."""
+        observations, _ = self._envs.reset(seed=self._seeds[0])
+        self._reset_seeds()
+        return observations
+
+    def step_async(self, actions: NDArray[np.int64]) -> None:
+        """Keep the actions [N] for `step_wait`."""
+        self._actions = actions
+
+    def step_wait(self) -> tuple[NDArray[Any], NDArray[np.float32], NDArray[np.bool_], list[dict[str, Any]]]:
+        """Step; return observations, rewards, ends of episodes [N], and a dict for each ship."""
+        observations, rewards, terminated, truncated, infos = self._envs.step(self._actions)
+        over, told = terminated | truncated, [dict[str, Any]() for _ in range(self.num_envs)]
+        for row in over.nonzero()[0]:
+            told[row] = {
+                "terminal_observation": infos["final_obs"][row],
+                "TimeLimit.truncated": bool(truncated[row]),
+            }
+        return observations, rewards, over, told
+
+    def close(self) -> None:
+        """Close the environment."""
+        self._envs.close()
+
+    def get_attr(self, attr_name: str, indices: Any = None) -> list[Any]:
+        """Return an attribute, the same for all ships."""
+        return [getattr(self._envs, attr_name)] * self.num_envs
+
+    def set_attr(self, *_: Any, **__: Any) -> None:
+        """Refuse: single ships have no attributes."""
+        raise NotImplementedError
+
+    def env_method(self, *_: Any, **__: Any) -> list[Any]:
+        """Refuse: single ships have no methods."""
+        raise NotImplementedError
+
+    def env_is_wrapped(self, wrapper_class: type[Any], indices: Any = None) -> list[bool]:
+        """Return that no ship is wrapped."""
+        return [False] * self.num_envs
+
+
+class Recorder(BaseCallback):
+    """Calls `record` after every step, and ends the training when it says so."""
+
+    def __init__(self, record: Record, policy: Policy) -> None:
+        super().__init__()
+        self._record, self._policy = record, policy
+
+    def _on_step(self) -> bool:
+        return self._record(self._policy, self.num_timesteps, self.num_timesteps >= STEPS)
+
+
+def greedy_policy(model: BaseAlgorithm) -> Policy:
+    """Return a model's greedy policy, which reads `state` [N, S] and writes `action` int64 [N]."""
+    observe = VectorObservation(load_world(), load_network("vector").ships)
+
+    def act(step: TensorDictBase) -> TensorDictBase:
+        action, _ = model.predict(observe(step["state"]).numpy(), deterministic=True)
+        return step.set("action", torch.from_numpy(action))
+
+    return act
+
+
+def train_peer(
+    kind: Callable[..., BaseAlgorithm], settings: dict[str, Any], seed: int, record: Record
+) -> None:
+    """Train a model on suite `traffic` for `STEPS` steps, or until `record` returns False."""
+    envs = ShipCollisionVectorEnv(NUM_ENVS, "traffic", reward_scale=REWARD_SCALE, observation="vector")
+    common: dict[str, Any] = {"gamma": GAMMA, "policy_kwargs": {"net_arch": LAYERS}, "device": "cpu"}
+    model = kind("MlpPolicy", ShipVecEnv(envs), seed=seed, **common, **settings)
+    model.learn(STEPS, Recorder(record, greedy_policy(model)))

@@ -1,45 +1,42 @@
-"""Probes of learning: whole loops, frozen layers, one update.
+"""Probes of learning: whole loops, frozen layers, one update, many agents; beside peers, or on a GPU.
 
-The peers learn in ship_trl's Gymnasium environment. It is faster than the pygame one, and one step of
-either is about a hundredth of a step of the loop.
+Rows named "operation by operation" do the same work without CUDA graphs (`fast=false`).
 """
 
 from __future__ import annotations
 
 from collections.abc import Callable
 from functools import partial
+from pathlib import Path
 
-from benchmarks.ours import ARMS, frozen_layers, make_ours, start_loop
-from benchmarks.peer_sb3 import Sb3Loop
-from benchmarks.peer_torchrl import TorchRLLoop
-from benchmarks.peer_tuned import TunedLoop
+from benchmarks.ours import (
+    ARMS,
+    CASE,
+    STEPS_PER_CALL,
+    WARMUP_STEPS,
+    Ours,
+    frozen_layers,
+    learn_config,
+    make_ours,
+    start_loop,
+)
+from benchmarks.peers import PEERS, SB3, TUNED_BF16, Peer, Sb3Loop, make_peer
 from benchmarks.timing import Probe
-from benchmarks.work import CASE, STEPS_PER_CALL, WARMUP_STEPS, learn_config
-from ship_trl.config.types import Learn
-from ship_trl.gym import ShipCollisionEnv
+from studies.lockstep import make_lockstep, starts
+from studies.runs import Task
+from studies.sources.plan import SETTINGS
 
-Peer = Sb3Loop | TorchRLLoop | TunedLoop
-SB3, TUNED_BF16 = "SB3 DQN as it is", "tuned PyTorch, bf16"
-# Each takes an environment, hyperparameters, and the number of frozen conv layers.
-PEERS: dict[str, Callable[..., Peer]] = {
-    SB3: Sb3Loop,
-    "TorchRL's usual way": TorchRLLoop,
-    "tuned PyTorch, fp32": TunedLoop,
-    TUNED_BF16: partial(TunedLoop, bf16=True),
-}
+KINDS = {"fast=true": "ours", "fast=false": "ours, operation by operation"}
+GPU_BATCHES = (32, 256, 2048)
+# Agents in lockstep, also on a CPU, and environment steps that they take for their graphs to be captured.
+AGENTS, FEW_AGENTS, CAPTURE_STEPS = (1, 20, 80, 320), (1, 4), 50
+# Updates in one call of a probe on a GPU, and of agents in lockstep.
+UPDATES, AGENT_UPDATES = 8, 16
 
 
-def make_peer(name: str, learn: Learn, frozen: int = 0) -> Peer:
-    """Make a peer and run it through its warm-up, so that its next step learns."""
-    peer = PEERS[name](ShipCollisionEnv(CASE, reward_scale=learn.reward_scale), learn, frozen=frozen)
-    peer.run(WARMUP_STEPS)
-    return peer
-
-
-def our_loop(group: str, name: str, arm: str = "scratch", num_envs: int = 1) -> Probe:
+def our_loop(group: str, name: str, arm: str = "scratch", *words: str) -> Probe:
     """Return the probe of ship_trl's whole loop, behind its warm-up."""
-    run = start_loop(make_ours(arm, f"learn.num_envs={num_envs}"))
-    return Probe(group, name, run, STEPS_PER_CALL, is_ours=True)
+    return Probe(group, name, start_loop(make_ours(arm, *words)), STEPS_PER_CALL, is_ours=True)
 
 
 def peer_loop(group: str, name: str, peer: Peer) -> Probe:
@@ -47,39 +44,58 @@ def peer_loop(group: str, name: str, peer: Peer) -> Probe:
     return Probe(group, name, partial(peer.run, STEPS_PER_CALL), STEPS_PER_CALL)
 
 
-def loop_probes() -> list[Probe]:
+def loop_probes(device: str) -> list[Probe]:
     """Return whole training loops, a unit being an environment step."""
+    if device == "cpu":
+        return [
+            *(peer_loop("", name, make_peer(name, learn_config())) for name in PEERS),
+            our_loop("", "ours"),
+            our_loop("", "ours, 4 environments", "scratch", "learn.num_envs=4"),
+        ]
+    on, many = f"device={device}", "learn.num_envs=64"
+    large = "learn.batch_size=512", "learn.update_every=64"
     return [
-        *(peer_loop("", name, make_peer(name, learn_config())) for name in PEERS),
-        our_loop("", "ours"),
-        our_loop("", "ours, 4 environments", num_envs=4),
+        peer_loop("", SB3, make_peer(SB3, learn_config(), device=device)),
+        *(our_loop("", name, "scratch", on, kind) for kind, name in KINDS.items()),
+        our_loop("", "ours, FE3", "FE3", on),
+        our_loop("", "ours, 64 environments, an update every 4 steps", "scratch", on, many),
+        our_loop("", "ours, 64 environments, batches of 512 every 64", "scratch", on, many, *large),
     ]
 
 
-def frozen_probes() -> list[Probe]:
+def frozen_probes(_: str) -> list[Probe]:
     """Return the loop of every arm beside two peers that freeze as many layers."""
     learn, probes = learn_config(), []
     for arm in ARMS:
         frozen = frozen_layers(arm)
         probes += [
-            peer_loop(arm, f"{name}, {frozen} frozen", make_peer(name, learn, frozen))
+            peer_loop(arm, f"{name}, {frozen} frozen", make_peer(name, learn, frozen=frozen))
             for name in (SB3, TUNED_BF16)
         ]
         probes.append(our_loop(arm, f"ours, {arm}", arm))
     return probes
 
 
-def vector_probes() -> list[Probe]:
+def vector_probes(_: str) -> list[Probe]:
     """Return the loop on numbers, with an update every 16 environment steps."""
     words = ("observation=vector", "learn.num_envs=64", "learn.batch_size=128", "learn.update_every=16")
-    return [
-        Probe("", "ours, numbers", start_loop(make_ours("scratch", *words)), STEPS_PER_CALL, is_ours=True)
-    ]
+    return [our_loop("", "ours, numbers", "scratch", *words)]
 
 
-def update_probes() -> list[Probe]:
-    """Return one update of each learner, on a batch that stays the same (Stable-Baselines3 draws its own)."""
+def update_probes(device: str) -> list[Probe]:
+    """Return one update of each learner, on a batch that stays the same (Stable-Baselines3 draws its own).
+
+    On a GPU they are of several sizes, and drawing the pictures is part of them.
+    """
     probes = []
+    if device != "cpu":
+        for size in GPU_BATCHES:
+            for kind, name in KINDS.items():
+                ours = make_ours("scratch", f"device={device}", f"learn.batch_size={size}", kind)
+                ours.fill(WARMUP_STEPS)
+                run = partial(draw_and_learn, ours)
+                probes.append(Probe(f"batch of {size}", name, run, UPDATES, "update", is_ours=True))
+        return probes
     for name in PEERS:
         peer = make_peer(name, learn_config())
         update = peer.update if isinstance(peer, Sb3Loop) else partial(peer.update, peer.sample())
@@ -87,6 +103,34 @@ def update_probes() -> list[Probe]:
     for arm in ARMS:
         ours = make_ours(arm)
         ours.fill(WARMUP_STEPS)
-        run = partial(ours.algorithm.learn_from, ours.sample())
-        probes.append(Probe("", f"ours, {arm}", run, unit="update", is_ours=True))
+        learn = partial(ours.algorithm.learn_from, ours.sample())
+        probes.append(Probe("", f"ours, {arm}", learn, unit="update", is_ours=True))
     return probes
+
+
+def draw_and_learn(ours: Ours) -> None:
+    """Make `UPDATES` updates, each of a batch of its own."""
+    for _ in range(UPDATES):
+        ours.algorithm.learn_from(ours.sample())
+
+
+def lockstep_probes(device: str) -> list[Probe]:
+    """Return training loops of many agents; the steps of all agents count."""
+    setting, found = SETTINGS["pixels"], []
+    for count in FEW_AGENTS if device == "cpu" else AGENTS:
+        runs = [Task(CASE, "", "scratch", seed, True).plan(setting, Path()) for seed in range(count)]
+        agents, _ = make_lockstep(runs, starts(runs, [CASE] * count).to(device), setting.source_length)
+        agents.train(runs[0].config.learn.warmup_steps + CAPTURE_STEPS)
+        steps = AGENT_UPDATES * agents.learn.update_every
+        run = partial(agents.train, steps)
+        found.append(Probe(f"{count} agents", "ours", run, steps * count, is_ours=True))
+    return found
+
+
+PROBES: dict[str, Callable[[str], list[Probe]]] = {
+    "loop": loop_probes,
+    "update": update_probes,
+    "frozen": frozen_probes,
+    "vector": vector_probes,
+    "lockstep": lockstep_probes,
+}

@@ -1,22 +1,63 @@
-"""ship_trl's own learner, put together as in a run, so that its parts can be timed."""
+"""ship_trl's own learner, put together as in a run, so that its parts can be timed; and what peers share."""
 
 from __future__ import annotations
 
+import tempfile
 from collections.abc import Callable
 from typing import cast
 
 import torch
+from hydra import compose, initialize_config_dir
+from omegaconf import DictConfig
 from tensordict import TensorDictBase
 from torch import Generator
 
-from benchmarks.work import OVERRIDES, STEPS_PER_CALL, plan_run
 from ship_trl.config.arm import Arm
+from ship_trl.config.checks import to_config
+from ship_trl.config.paths import conf_dir
+from ship_trl.config.types import Learn
 from ship_trl.fast.worlds import make_env
 from ship_trl.learn.double_dqn import DoubleDQN
-from ship_trl.run.plan import Run
+from ship_trl.run.plan import Run, make_run
 from ship_trl.run.setup import make_parts, read_source
 
 ARMS = ("scratch", "FE1", "FE2", "FE3", "FE4", "FT3")
+CASE = "4"
+FRAME = (1, 84, 84)
+# Short, because the warm-up is not timed, but enough to sample from.
+WARMUP_STEPS = 256
+# Environment steps in one call of a probe: a whole number of updates.
+STEPS_PER_CALL = 64
+# Epsilon stays the same while the clock runs, and nothing is evaluated.
+OVERRIDES = (
+    "learn.epsilon_start=0.1",
+    "learn.epsilon_end=0.1",
+    f"learn.warmup_steps={WARMUP_STEPS}",
+    "learn.replay_size=5000",
+    "learn.evaluate_every=1000000",
+)
+
+
+def plan(*overrides: str) -> Run:
+    """Plan a run by its overrides, in a temporary folder."""
+    words = [f"output={tempfile.gettempdir()}/ship_trl_benchmarks", "learn.jumpstart_draws=0", *overrides]
+    with initialize_config_dir(str(conf_dir()), version_base="1.3"):
+        return make_run(to_config(cast(DictConfig, compose("config", words))))
+
+
+def plan_run(arm: str = "scratch", overrides: tuple[str, ...] = ()) -> Run:
+    """Plan a run of an arm to `CASE`, with the paper's hyperparameters but for the overrides.
+
+    The weights that it copies are random, because what a source has learned does not change the time.
+    """
+    words = ["profile=paper", "source=3", f"target={CASE}", f"+arm={arm}", "learn.episodes=1000000"]
+    words += [] if arm == "scratch" else ["source_weights=random"]
+    return plan(*words, *overrides)
+
+
+def learn_config(*overrides: str) -> Learn:
+    """Return the hyperparameters that ship_trl and its peers are timed with."""
+    return plan_run(overrides=OVERRIDES + overrides).config.learn
 
 
 def frozen_layers(arm: str) -> int:

@@ -19,7 +19,7 @@ import numpy as np
 from gymnasium import spaces
 from numpy.typing import NDArray
 
-from benchmarks.work import FRAME
+from benchmarks.ours import FRAME
 from ship_trl.config.types import World
 from ship_trl.sim import scene
 from ship_trl.sim.cases import Case

@@ -12,6 +12,7 @@ import torch
 from numpy.typing import NDArray
 from torch import Generator
 
+from benchmarks.ours import CASE
 from benchmarks.pygame_env import PygameShipEnv, TunedPygameShipEnv
 from benchmarks.timing import Probe
 from ship_trl.fast.worlds import make_env, make_starts
@@ -22,7 +23,7 @@ from ship_trl.sim.state import first_case
 from ship_trl.sim.suites import load_suite
 
 CASES = ("1", "2", "4")
-BATCH_SIZES = (1, 16, 64, 1024)
+BATCH_SIZES, GPU_SIZES = (1, 16, 64, 1024), (1, 64, 4096, 65536)
 # On random encounters; scenes that pygame takes in turn.
 TRAFFIC_SIZES, SCENES = (64,), 1000
 # Of one environment in one call of a probe.
@@ -95,11 +96,31 @@ def group(title: str, name: str, cases: Sequence[Case], sizes: Sequence[int]) ->
     return found
 
 
-def probes() -> list[Probe]:
-    """Return the groups of the cases, and that of random encounters.
+def gpu_probes(device: str) -> list[Probe]:
+    """Return steps of environments that draw on a GPU, by their number, with and without CUDA graphs."""
+    world, found = load_world(), []
+    for count in GPU_SIZES:
+        for fast, name in ((True, "ours"), (False, "ours, operation by operation")):
+            look = {"from_pixels": True, "device": device, "fast": fast}
+            env = make_env(load_case(CASE, world), world, count, **look)
+            action = torch.randint(len(world.actions), (count,)).to(device)
+
+            def run(env: ShipEnv = env, action: torch.Tensor = action) -> None:
+                current = env.reset()
+                for _ in range(STEPS):
+                    _, current = env.step_and_maybe_reset(current.set("action", action))
+
+            found.append(Probe(f"{count} ships", name, run, STEPS * count, is_ours=True))
+    return found
+
+
+def probes(device: str = "cpu") -> list[Probe]:
+    """Return the groups of the cases, and that of random encounters; on a GPU, ours alone.
 
     pygame's scenes are drawn beforehand: drawing is timed in ship_trl's environments alone.
     """
+    if device != "cpu":
+        return gpu_probes(device)
     world, found = load_world(), []
     for name in CASES:
         found += group(f"case {name}", name, [load_case(name, world)], BATCH_SIZES)

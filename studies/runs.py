@@ -2,14 +2,13 @@
 
 from __future__ import annotations
 
-import io
 import lzma
 import sys
 import tempfile
 from argparse import Namespace
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable, Iterable
 from concurrent.futures import ProcessPoolExecutor, as_completed
-from dataclasses import asdict, dataclass, replace
+from dataclasses import dataclass, replace
 from functools import cache, partial
 from multiprocessing import get_context
 from pathlib import Path
@@ -77,7 +76,8 @@ class Task:
 
     def key(self, setting: Setting) -> tuple[str, ...]:
         """Return what tells the run from others in the table."""
-        return key(asdict(self) | {"length": self.length(setting)})
+        length = str(self.length(setting))
+        return self.target, self.source, self.arm, str(self.seed), length, self.learner
 
     def plan(self, setting: Setting, folder: Path) -> Run:
         """Plan the run; its source lies in the folder."""
@@ -148,50 +148,35 @@ def join(values: Iterable[float]) -> str:
     return " ".join(f"{value:.2f}" for value in values)
 
 
-def key(row: Mapping[Any, object]) -> tuple[str, ...]:
-    """Return what tells a run from others."""
-    return tuple(str(row.get(name, "")) for name in KEY)
-
-
 def keys(runs: pd.DataFrame) -> list[tuple[str, ...]]:
     """Return what tells each run of a table from others."""
-    return [key(row) for row in runs.to_dict("records")]
+    return list(runs.reindex(columns=KEY, fill_value="").astype(str).itertuples(index=False, name=None))
 
 
-def run_table(folder: Path) -> Path:
-    """Return where the table of runs lies: the one just made, or the one that was kept."""
-    made = folder.with_suffix(".csv")
-    return made if made.is_file() else folder.with_suffix(".csv.xz")
-
-
-def read_runs(path: Path, wanted: Iterable[tuple[str, ...]], first: str) -> pd.DataFrame:
-    """Read the table of runs, and add what each reached.
+def read_runs(folder: Path, wanted: Iterable[tuple[str, ...]], first: str) -> pd.DataFrame:
+    """Read the table of runs beside a folder, just made or the one that was kept, and what each run reached.
 
     Raises:
         ConfigError: the file is missing or no such table; a run of `wanted`, which the command `first` makes,
             is missing, or one is there twice.
     """
-    if not path.is_file():
-        raise ConfigError(f"runs: no table {path}; allowed: after {first}")
+    made, kept = folder.with_suffix(".csv"), folder.with_suffix(".csv.xz")
+    path = made if made.is_file() else kept
+    # Lists of numbers stay text, as names do.
+    names = ("target", "source", "arm", "greedy", "reached", "source_greedy", "learner")
     try:
-        data = path.read_bytes()
-        runs = parse(lzma.decompress(data).decode() if path.suffix == ".xz" else data.decode())
+        runs = pd.read_csv(path, dtype=dict.fromkeys(names, str), keep_default_na=False)
         add_outcomes(runs)
-        made = keys(runs)
+    except FileNotFoundError:
+        raise ConfigError(f"runs: no table {made}; allowed: after {first}") from None
     except (ValueError, KeyError, AttributeError, EOFError, lzma.LZMAError) as error:
         raise ConfigError(f"runs: {path} is not a table of runs: {error}") from None
-    if len(set(made)) < len(made):
+    found = keys(runs)
+    if len(set(found)) < len(found):
         raise ConfigError(f"runs: {path} has a run twice; allowed: once")
-    if missing := set(wanted) - set(made):
+    if missing := set(wanted) - set(found):
         raise ConfigError(f"runs: {len(missing)} runs are missing in {path}; allowed: after {first}")
     return runs
-
-
-def parse(text: str) -> pd.DataFrame:
-    """Parse a table of runs; names, and lists of numbers, stay text."""
-    text_columns = ("target", "source", "arm", "greedy", "reached", "source_greedy", "learner")
-    types = dict.fromkeys(text_columns, str)
-    return pd.read_csv(io.StringIO(text), dtype=types, keep_default_na=False)
 
 
 def add_outcomes(runs: pd.DataFrame) -> None:
@@ -222,34 +207,26 @@ def add_run_options(parser: Parser, settings: Iterable[str]) -> None:
 
 
 def make_missing(tasks: list[Task], setting: Setting, folder: Path, train: Train, options: Namespace) -> None:
-    """Make the runs that are not in the table beside the folder, sources first.
-
-    A stopped study goes on: a last line that a kill cut off is made again.
-    """
+    """Make the runs that are not in the table beside the folder, sources first; a stopped study goes on."""
     folder.mkdir(parents=True, exist_ok=True)
     table = folder.with_suffix(".csv")
-    whole = table.read_text().rpartition("\n")[0] if table.exists() else ""
-    done = set(keys(parse(whole))) if whole else set()
-    with atomic_write(table) as draft:
-        draft.write_text(whole + "\n" * bool(whole))
+    runs = pd.read_csv(table, dtype=str, keep_default_na=False) if table.exists() else pd.DataFrame()
+    done = set(keys(runs))
     tasks = [task for task in tasks if task.key(setting) not in done]
-    count, is_new = 0, not whole
     processes, at_once = (1, GPU_RUNS) if options.device == "cuda" else (options.processes, CPU_RUNS)
-    work = partial(train, setting=setting, folder=folder, device=options.device)
-    with (
-        ProcessPoolExecutor(processes, get_context("spawn"), initializer=prepare) as pool,
-        table.open("a") as file,
-    ):
+    work, count = partial(train, setting=setting, folder=folder, device=options.device), 0
+    with ProcessPoolExecutor(processes, get_context("spawn"), initializer=prepare) as pool:
         for stage in (True, False):
             groups = group([task for task in tasks if task.is_source is stage], at_once)
             jobs = [pool.submit(work, one) for one in groups]
             try:
                 for job in as_completed(jobs):
-                    made = pd.DataFrame(job.result())
-                    made.to_csv(file, header=is_new, index=False, lineterminator="\n")
-                    file.flush()
-                    count, is_new = count + len(made), False
-                    where = f"to {made['target'].iloc[-1]}, {made['seconds'].sum():.1f} s of a core"
+                    made = job.result()
+                    runs, count = pd.concat([runs, pd.DataFrame(made)]), count + len(made)
+                    with atomic_write(table) as draft:
+                        runs.to_csv(draft, index=False, lineterminator="\n")
+                    seconds = sum(row["seconds"] for row in made)
+                    where = f"to {made[-1]['target']}, {seconds:.1f} s of a core"
                     sys.stdout.write(f"{count} of {len(tasks)} runs: {where}\n")
                     sys.stdout.flush()
             except BaseException:

@@ -22,7 +22,7 @@ def show_power(setting: str, markdown: bool) -> None:
     Samples are drawn from the residuals of the runs of the study of sources: from scratch, and of its arms.
     """
     sizes, generator = SIZES[setting], np.random.default_rng(SEED)
-    kept = read_runs(FOLDER / f"{setting}.csv.xz", (), "git checkout")
+    kept = read_runs(FOLDER / setting, (), f"python -m studies.sources run {setting}")
     level = LEVEL / (len(PAIRS) * (len(ARMS) + 2))
     cells = []
     for pair, (source, target) in PAIRS.items():

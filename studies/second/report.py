@@ -15,7 +15,7 @@ from ship_trl.config.arm import SCRATCH
 from ship_trl.config.errors import ConfigError
 from ship_trl.run.console import show
 from ship_trl.study.report.tables import write_csv
-from studies.runs import read_runs, run_table
+from studies.runs import read_runs
 from studies.second.answers import (
     EQUAL,
     LESS,
@@ -75,7 +75,7 @@ def read_table(setting: str) -> Runs:
     """
     wanted = (task.key(SETTINGS[setting]) for task in plan_tasks(SIZES[setting]))
     first = f"python -m studies.second run {setting}"
-    return group_runs(read_runs(run_table(FOLDER / setting), wanted, first))
+    return group_runs(read_runs(FOLDER / setting, wanted, first))
 
 
 def write(setting: str, runs: Runs, found: list[Contrast], markdown: bool) -> None:

@@ -23,7 +23,7 @@ from ship_trl.config.errors import ConfigError
 from ship_trl.run.console import show
 from ship_trl.study.report.tables import write_csv
 from ship_trl.study.statistics import Estimate
-from studies.runs import OUTCOMES, prepare, read_runs, run_table, weights_path
+from studies.runs import OUTCOMES, prepare, read_runs, weights_path
 from studies.sources import judge
 from studies.sources.plan import FOLDER, SETTINGS, plan_tasks
 
@@ -43,7 +43,7 @@ def report(options: Namespace) -> None:
     """Judge all measures on all arms; print, and write tables and a picture."""
     folder, setting = FOLDER / options.setting, SETTINGS[options.setting]
     wanted = (task.key(setting) for task in plan_tasks(setting))
-    runs = read_runs(run_table(folder), wanted, f"python -m studies.sources run {folder.name}")
+    runs = read_runs(folder, wanted, f"python -m studies.sources run {folder.name}")
     gains = judge.make_gains(runs, setting.cases)
     areas = {arm: one for (arm, kind), one in gains.items() if kind == "area"}
     table = folder.with_name(f"{folder.name}_measures.csv")

@@ -8,21 +8,18 @@ import numpy as np
 import pytest
 import torch
 from PIL import Image
-from stable_baselines3 import DQN
 from tensordict import TensorDictBase
 
 from benchmarks import __main__ as command
-from benchmarks import curves, peer_vector
-from benchmarks.curves import Curve
-from benchmarks.peer_vector import ShipVecEnv, greedy_policy
-from benchmarks.work import plan
+from benchmarks import curves
+from benchmarks.curves import Curve, ShipVecEnv
+from benchmarks.ours import plan
 from ship_trl.config.types import World
 from ship_trl.fast.worlds import make_env
 from ship_trl.gym import ShipCollisionVectorEnv
 from ship_trl.learn.rollout import Episode, Policy, rollout
 from ship_trl.sim.env import ShipEnv
 from ship_trl.sim.suites import load_suite
-from tests.command import refused
 
 
 def test_from_the_command_to_table_and_picture(
@@ -57,24 +54,20 @@ def test_evaluations_are_due_by_training_time_alone(world: World, monkeypatch: p
         seconds += 1000.0
         return rollout(env, policy)
 
-    monkeypatch.setattr("ship_trl.learn.rollout.rollout", slow)
+    monkeypatch.setattr(curves, "rollout", slow)
     env = make_env(load_suite("4", world), world)
     policy, told = turn_always, list[bool]()
     curve = Curve("ours", 0, 1.0, env)
     for _ in range(7):
         told.append(curve.record(policy, len(told), False))
         seconds += 10.0
-    assert [round(one.minutes, 3) for one in curve.points] == [0.0, 0.5, 1.0]
+    assert [round(minutes, 3) for minutes, _, _ in curve.points] == [0.0, 0.5, 1.0]
     assert told == [True] * 6 + [False]
     # A training that ends earlier has a last point.
     early = Curve("ours", 0, 1.0, env)
-    assert not early.record(policy, 8, True) and early.points[0].steps == 8
-
-
-def test_minutes_to_a_goal_are_those_of_the_first_point_there(world: World) -> None:
-    curve = Curve("ours", 0, 1.0, make_env(load_suite("4", world), world))
-    curve.points += [curves.Point("ours", 0, n / 2, n, share) for n, share in enumerate((0.1, 0.92, 0.8))]
-    assert curve.minutes_to(0.9) == 0.5 and curve.minutes_to(0.95) is None
+    assert not early.record(policy, 8, True) and early.points[0][1] == 8
+    early.points = [(n / 2, n, share) for n, share in enumerate((0.1, 0.92, 0.8))]
+    assert early.minutes_to(0.9) == 0.5 and early.minutes_to(0.95) is None
 
 
 def test_peers_are_told_of_the_last_observation_and_of_timeouts() -> None:
@@ -99,20 +92,10 @@ def test_peers_are_told_of_the_last_observation_and_of_timeouts() -> None:
     assert ended > timeouts > 0
 
 
-def test_the_greedy_policy_of_a_peer_takes_its_best_actions(world: World) -> None:
-    envs = ShipCollisionVectorEnv(5, "traffic", observation="vector")
-    model = DQN("MlpPolicy", ShipVecEnv(envs), buffer_size=10, device="cpu", seed=0)
-    seen, infos = envs.reset(seed=1)
-    env = make_env(load_suite("traffic", world), world, starts=torch.from_numpy(infos["state"]))
-    action = greedy_policy(model)(env.reset())["action"].numpy()
-    values = model.q_net(model.q_net.obs_to_tensor(seen)[0])
-    assert np.array_equal(action, values.argmax(1).numpy())
-
-
 def test_peers_are_given_what_our_profile_has() -> None:
     words = ("target=traffic", "profile=traffic", "method=scratch", "observation=vector")
     config = plan(*words).config
-    learn, settings = config.learn, peer_vector.DQN_SETTINGS
+    learn, settings = config.learn, curves.DQN_SETTINGS
     for key, value in (
         ("learning_rate", learn.lr),
         ("buffer_size", learn.replay_size),
@@ -123,14 +106,6 @@ def test_peers_are_given_what_our_profile_has() -> None:
     ):
         assert settings[key] == value, key
     updates = settings["gradient_steps"]
-    assert updates * learn.update_every == peer_vector.NUM_ENVS == learn.num_envs
+    assert updates * learn.update_every == curves.NUM_ENVS == learn.num_envs
     assert settings["tau"] == updates * learn.tau
-    assert (learn.reward_scale, learn.gamma) == (peer_vector.REWARD_SCALE, peer_vector.GAMMA)
-
-
-def test_wrong_options_are_one_line(capsys: pytest.CaptureFixture[str]) -> None:
-    line = refused(capsys, command.main, "curves", "--minutes", "0")
-    assert "--minutes: must be above 0, got 0" in line
-    assert "--seeds: must be at least 0, got -1" in refused(
-        capsys, command.main, "curves", "--seeds", "0", "-1"
-    )
+    assert (learn.reward_scale, learn.gamma) == (curves.REWARD_SCALE, curves.GAMMA)

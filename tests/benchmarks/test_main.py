@@ -1,41 +1,28 @@
-"""The command: a part from arguments to file, what it refuses, and what it measures beside time."""
-
-import json
-from pathlib import Path
+"""The command: what it refuses, that probes take turns, and what is measured beside time."""
 
 import numpy as np
 import pytest
 import torch
 
 from benchmarks import __main__ as command
-from benchmarks import checkpoints, memory, simulator, work
-from benchmarks.checkpoints import measure_checkpoints
-from benchmarks.table import compare
-from benchmarks.timing import measure
+from benchmarks import simulator, sizes, timing
+from benchmarks.timing import Measurement, Probe, measure, print_table, short
 from ship_trl.config.types import BFLOAT16
 
 
 @pytest.mark.long
-@pytest.mark.precision
-def test_memory_from_arguments_to_file(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+def test_memory_from_arguments_to_table(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    monkeypatch.setattr(memory, "measure_run", lambda episodes: 1000 * episodes)
-    command.main(["memory", "--json", str(tmp_path / "out.json")])
-    assert "ours, states (scratch)" in capsys.readouterr().out
-    states, features, _, pixels, _, run = [
-        row["measured"]["values"][0] for row in json.loads((tmp_path / "out.json").read_text())["rows"]
-    ]
+    found: list[Measurement] = []
+    monkeypatch.setattr(timing, "print_table", lambda _, measured, __: found.extend(measured))
+    command.main(["memory"])
+    states, features, _, pixels, _, run = (one.values[0] for one in found)
     # A transition is two states of four float32; in pixels it is two pictures.
     assert 50_000 * 2 * 4 * 4 < states < features < pixels and 50 * states < pixels
     assert pixels > 2 * 50_000 * 84 * 84
-    assert run == 1000 * memory.EPISODES
-
-
-@pytest.mark.long
-def test_a_run_fits_beside_others() -> None:
-    # A study has one on each core.
-    assert 2**27 < memory.measure_run(memory.EPISODES) < 1.2 * 2**30
+    # A study has a run on each core.
+    assert 2**27 < run < 1.2 * 2**30
 
 
 @pytest.mark.parametrize(
@@ -43,11 +30,12 @@ def test_a_run_fits_beside_others() -> None:
     [
         (
             ["nothing"],
-            "benchmarks: no part nothing; allowed: loop, update, frozen, vector, simulator, memory, ",
+            "benchmarks: no part nothing; allowed: loop, update, frozen,",
         ),
-        (["--rounds", "0"], "--rounds: must be at least 1, got 0"),
-        (["--seconds", "0"], "--seconds: must be above 0, got 0.0"),
-        (["--json", "/nowhere/at/all.json"], "--json: no folder /nowhere/at"),
+        (["--rounds", "0"], "--rounds: must be "),
+        (["--device", "cuda", "memory"], "no part memory; allowed: simulator, update, loop, lockstep"),
+        (["curves", "--minutes", "0"], "--minutes: must be "),
+        (["curves", "--seeds", "0", "-1"], "--seeds: must be "),
     ],
 )
 def test_wrong_input_is_one_line(
@@ -66,11 +54,48 @@ def test_a_missing_library_or_a_wrong_switch_is_one_line(
     with pytest.raises(SystemExit):
         command.main(["memory"])
     assert capsys.readouterr().err == "ship_trl: SHIP_TRL_BFLOAT16: must be on or off, got no\n"
-    monkeypatch.setattr(work, "find_spec", lambda name: None)
+    monkeypatch.setattr(command, "find_spec", lambda name: None)
     with pytest.raises(SystemExit):
         command.main(["memory"])
     error = capsys.readouterr().err
     assert error.count("\n") == 1 and "pip install -e '.[bench]'" in error
+
+
+def test_probes_take_turns_and_rates_are_units_by_the_clock(monkeypatch: pytest.MonkeyPatch) -> None:
+    now, order = 0.0, []
+
+    def probe(name: str, count: int, takes: float) -> Probe:
+        def run() -> None:
+            nonlocal now
+            now += takes
+            order.append(name)
+
+        return Probe("", name, run, count)
+
+    monkeypatch.setattr(timing.time, "perf_counter", lambda: now)
+    slow, fast = measure([probe("a", 3, 1.0), probe("b", 1, 0.25)], rounds=2, seconds=0.5)
+    # Each once untimed. Then a once a round because it takes longer, and b until half a second has passed.
+    assert order == ["a", "b", *["a", "b", "b"] * 2]
+    assert slow.values == [3.0, 3.0] and fast.values == [4.0, 4.0] and fast.unit == "step/s"
+
+
+def test_rows_are_compared_within_group_and_unit(capsys: pytest.CaptureFixture[str]) -> None:
+    measured = [
+        # In the second round the machine was half as fast, which leaves ratios alone.
+        Measurement("g", "peer", "step/s", [40.0, 20.0, 50.0]),
+        Measurement("g", "ours", "step/s", [80.0, 40.0, 125.0], is_ours=True),
+        Measurement("h", "other", "byte", [2e6]),
+    ]
+    print_table("Title", measured, markdown=True)
+    lines = [line.replace(" ", "") for line in capsys.readouterr().out.splitlines() if "|" in line]
+    assert lines[2:] == [
+        "|g|peer|step/s|40|20..50||2.00x|",
+        "|g|ours|step/s|80|40..125|2.00x||",
+        "|h|other|byte|2M||||",
+    ]
+    print_table("Title", measured[2:], markdown=True)
+    assert "| group | name | unit | median |\n" in capsys.readouterr().out
+    assert [short(value) for value in (0.1234, 1234.0, 999.9e3, 3e9)] == ["0.123", "1.23k", "1000k", "3G"]
 
 
 def test_bytes_are_counted_once() -> None:
@@ -81,19 +106,19 @@ def test_bytes_are_counted_once() -> None:
             self.parts = {"whole": tensor, "half": tensor[:5], "more": [np.zeros(3, np.uint8)]}
             self.me = self
 
-    assert memory.held_bytes(Holder(), tensor) == 43
+    assert sizes.held_bytes(Holder(), tensor) == 43
 
 
 def test_checkpoints_are_written_and_read(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(checkpoints, "ARMS", ("scratch", "FE4"))
-    found = measure_checkpoints(2, 0.01, "learn.replay_size=100")
-    groups = [one.group for one in found]
-    assert groups == [name for name in ("write", "read", "2 on the disk") for _ in range(2)]
+    monkeypatch.setattr(sizes, "SAVED_ARMS", ("scratch", "FE4"))
+    found = sizes.measure_checkpoints(2, 0.01, "learn.replay_size=100")
+    assert [one.group for one in found] == [
+        name for name in ("write", "read", "2 on the disk") for _ in range(2)
+    ]
     assert all(value > 0 for one in found for value in one.values)
-    assert [row.of_first is None for row in compare("checkpoints", found)] == 3 * [True, False]
 
 
 def test_every_simulator_steps(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(simulator, "BATCH_SIZES", (1, 16))
     found = measure(simulator.probes(), rounds=1, seconds=0.001)
-    assert len(found) == 7 * len(simulator.CASES) + 5 and min(one.median for one in found) > 0
+    assert len(found) == 7 * len(simulator.CASES) + 5 and all(one.values[0] > 0 for one in found)

@@ -10,12 +10,10 @@ from torchrl.data import Categorical
 from torchrl.modules import QValueActor
 from torchrl.objectives import DQNLoss, SoftUpdate
 
-from benchmarks.learning import PEERS, make_peer, peer_loop
-from benchmarks.ours import ARMS, frozen_layers, make_ours
-from benchmarks.peer_network import PlainNetwork, TunedNetwork, to_blocks
-from benchmarks.peer_tuned import TunedLoop
+from benchmarks.learning import peer_loop
+from benchmarks.ours import frozen_layers, learn_config, make_ours
+from benchmarks.peers import PEERS, PlainNetwork, TunedLoop, TunedNetwork, make_peer, to_blocks
 from benchmarks.timing import measure
-from benchmarks.work import learn_config
 
 SHORT = ("learn.replay_size=300", "learn.batch_size=8")
 
@@ -25,13 +23,13 @@ def changed(network: nn.Module, before: nn.Module) -> dict[str, bool]:
     return {name: not torch.equal(now, old) for (name, now), old in pairs}
 
 
-@pytest.mark.parametrize("frozen", [0, 2, 4])
+@pytest.mark.parametrize("frozen", [0, 3])
 @pytest.mark.parametrize("name", PEERS)
 def test_a_peer_learns_all_but_its_frozen_layers(name: str, frozen: int) -> None:
-    peer = make_peer(name, learn_config(*SHORT), frozen)
+    peer = make_peer(name, learn_config(*SHORT), frozen=frozen)
     before = copy.deepcopy(peer.network)
     (found,) = measure([peer_loop("", name, peer)], rounds=1, seconds=0.01)
-    assert found.median > 0
+    assert found.values[0] > 0
     fixed = tuple(f"convs.{k}." for k in range(frozen))
     for key, moved in changed(peer.network, before).items():
         assert moved != any(f".{start}" in f".{key}" for start in fixed), key
@@ -74,7 +72,7 @@ def test_tuned_network_is_the_plain_one() -> None:
 
 
 @pytest.mark.precision
-@pytest.mark.parametrize("arm", ARMS)
+@pytest.mark.parametrize("arm", ["scratch", "FE3", "FT3"])
 def test_our_arms_learn_all_but_their_frozen_layers(arm: str) -> None:
     ours = make_ours(arm, "learn.warmup_steps=16", *SHORT)
     before = copy.deepcopy(ours.algorithm.online_network)

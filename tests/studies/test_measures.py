@@ -83,17 +83,6 @@ def test_features_that_hold_the_planners_actions_have_a_higher_logme(target: Kno
     assert measure("logme", learned, target) > measure("logme", known("4", blind), target)
 
 
-def test_probes_are_the_same_each_time_and_hold_random_actions(target: Known) -> None:
-    probe, again = target.probe, known("4").probe
-    assert torch.equal(probe.states, again.states)
-    assert 0.1 < (probe.planned != probe.actions).float().mean() < 0.4
-    # A next state is the state that follows.
-    follows = (probe.next_states[:-1] == probe.states[1:]).all(-1)
-    assert follows.sum() == len(probe.states) - 32
-    assert probe.terminated.sum() <= 32
-    assert set(probe.terminated[:-1][follows].tolist()) == {False}
-
-
 def test_a_missing_network_is_named(target: Known, tmp_path: Path) -> None:
     for name in (name for name, kind in KINDS.items() if kind != "cases"):
         with pytest.raises(ValueError, match="case 4 has no network"):

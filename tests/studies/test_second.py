@@ -10,7 +10,6 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from ship_trl.config.errors import ConfigError
 from studies.runs import Task, add_outcomes, join
 from studies.second import report
 from studies.second.__main__ import main
@@ -23,7 +22,7 @@ from studies.second.answers import (
     learner_label,
 )
 from studies.second.plan import FIRST_SOURCE, LEARNERS, SETTINGS, SIZES, TRAFFIC, Sizes, plan_tasks, transfers
-from studies.second.runs import STARTS, drawn_starts, learn_traffic, train
+from studies.second.runs import STARTS, train
 
 
 def test_sources_have_seeds_of_their_own_and_are_trained_first() -> None:
@@ -57,19 +56,6 @@ def test_last_networks_are_tested_on_scenes_that_they_did_not_see(tmp_path: Path
     for row in rows:
         for name, count in (("perturbed", STARTS), ("replayed", STARTS), ("traffic", 500)):
             assert 0 <= row[name] <= 1 and row[name] * count == pytest.approx(round(row[name] * count))
-
-
-def test_a_run_of_random_encounters_that_fails_is_named(tmp_path: Path) -> None:
-    setting = replace(SETTINGS["numbers"], overrides=("observation=sonar",))
-    with pytest.raises(ConfigError, match="the run from traffic with seed 2000 failed"):
-        learn_traffic(setting, tmp_path)
-    assert not list(tmp_path.rglob("*.safetensors"))
-
-
-def test_drawn_starts_differ_by_the_bounds_of_the_suite() -> None:
-    for target, bound in (("4", 20.0), ("imazu05", 5.0)):
-        spread = np.ptp(drawn_starts(target, STARTS)[:, 0].numpy())
-        assert bound < spread <= 2 * bound
 
 
 def test_a_contrast_says_what_its_samples_say() -> None:
@@ -144,12 +130,6 @@ def test_every_question_is_answered_by_its_runs() -> None:
     assert all(learner_label(LEARNERS[0]) in one.what for one in tuned.values())
     assert tuned["FTW"].value == pytest.approx(0.3, abs=0.05)
     assert 1 - tuned["FTW"].possible_gain == pytest.approx(0.2, abs=0.05)
-
-
-def test_pixels_have_no_problems_and_no_other_learners() -> None:
-    sizes = replace(SIZES["pixels"], scratch=6, arm=5)
-    found = judged(made_runs(some_gain, "pixels", sizes))
-    assert Counter(one.question for one in found) == {1: 21, 2: 3, 4: 9}
 
 
 def test_a_table_that_is_not_whole_is_refused(

@@ -4,13 +4,9 @@ import re
 import shutil
 from pathlib import Path
 
-import numpy as np
 import pytest
-from numpy.typing import NDArray
 
-from ship_trl.cli.study import answers
-from ship_trl.study.statistics import interquartile_mean
-from ship_trl.study.study import Study, read_study
+from ship_trl.study.study import read_study
 from studies.second import power, report
 from studies.second.__main__ import main
 from studies.second.plan import SETTINGS
@@ -69,56 +65,3 @@ def test_the_contrasts_of_another_learner_are_those_of_its_kept_study(folder: st
     assert len(re.findall(NUMBERS, told)) == 4
     wrong = re.sub(rf"{NUMBER}(?!\d)", lambda m: "+9." + m[0].partition(".")[2], told)
     assert rewrite(wrong, read_study(KEPT / folder)) == told
-
-
-def test_what_is_said_of_other_learners_follows_from_the_kept_studies() -> None:
-    ppo, ppo_pixels, n_step = (read_study(KEPT / folder) for folder in ("ppo", "ppo_pixels", "n_step"))
-    first = read_study(ROOT / "outputs/confirmatory")
-    words = ["low: FTW above scratch (greedy area)", "low: scratch (greedy area)", "low: FTW (greedy area)"]
-    (less, with_ppo, _), (seen, from_pixels, _), (more, with_n_step, _) = (
-        answers(one, words, 10) for one in (ppo, ppo_pixels, n_step)
-    )
-    gain, with_one, _ = answers(first, words, 15)
-    above = [sum(value > 0 for value in one.differences) for one in (less, seen, more, gain)]
-    assert above == [1, 7, 10, 15]
-    assert seen.high / (1 - from_pixels.value) == pytest.approx(1 / 3, abs=0.05)
-    reach = [
-        sum(
-            bool(study.records["pairs", "low", "FTW", seed].greedy.goal[0])
-            for seed in range(begin, begin + 10)
-        )
-        for study, begin in ((n_step, 4000), (ppo, 3000), (ppo_pixels, 5000))
-    ]
-    assert reach == [4, 0, 0]
-    floored, before = {}, []
-    for arm in ("FTW", "FT4"):
-        pairs = [[greedy_scores(n_step, one, seed) for one in (arm, "scratch")] for seed in range(4000, 4010)]
-        gains = [float(np.mean(np.maximum(one, 0) - np.maximum(other, 0))) for one, other in pairs]
-        floored[arm] = (f"{interquartile_mean(np.array(gains)):.2f}", sum(value > 0 for value in gains))
-    for seed in range(4000, 4010):
-        one, other = (greedy_scores(n_step, arm, seed) for arm in ("FTW", "scratch"))
-        change = min(int(np.flatnonzero(scores != scores[0])[0]) for scores in (one, other))
-        gain_by_time = np.array([one - other, np.maximum(one, 0) - np.maximum(other, 0)])
-        before.append((gain_by_time[:, :change].sum(1), gain_by_time.sum(1)))
-    early, whole = np.sum(before, 0)
-    share, floored_share = 100 * early / whole
-    page = " ".join(PAGE.read_text().split())
-    for sentence in (
-        "from numbers it is below scratch in nine of ten seeds; from pixels it is above in seven",
-        f"a third of the {1 - from_pixels.value:.2f} that scratch leaves is not excluded",
-        "With three-step targets FTW gains in all ten seeds",
-        "in 4 of 10 seeds with three-step targets, and in none with PPO",
-        f"is {with_ppo.value:.2f} with PPO from numbers",
-        f"{from_pixels.value:.2f} from pixels, and {with_n_step.value:.2f} with three-step",
-        f"it is {with_one.value:.2f}, and FTW gains {gain.value:.2f} in 15 of 15 seeds",
-        f"FTW gains {floored['FTW'][0]} in ten of ten seeds, FT4 {floored['FT4'][0]} in eight",
-        f"{share:.0f} % of FTW's gain (floored: {floored_share:.0f} %).",
-    ):
-        assert sentence in page, sentence
-    assert (floored["FTW"][1], floored["FT4"][1]) == (10, 8)
-
-
-def greedy_scores(study: Study, arm: str, seed: int) -> NDArray[np.float64]:
-    """Return the scores of a run's greedy evaluations, not floored."""
-    record = study.records["pairs", "low", arm, seed]
-    return record.score(record.greedy.returns)

@@ -1,4 +1,4 @@
-"""Bytes of a replay beside Stable-Baselines3's, and of a whole run."""
+"""Bytes of a replay beside Stable-Baselines3's, of a whole run, and what a checkpoint costs."""
 
 from __future__ import annotations
 
@@ -7,6 +7,7 @@ import re
 import subprocess
 import sys
 import tempfile
+import time
 import types
 from functools import partial
 from pathlib import Path
@@ -16,12 +17,14 @@ import numpy as np
 import torch
 from stable_baselines3.common.buffers import ReplayBuffer
 
-from benchmarks.ours import make_ours
+from benchmarks.ours import FRAME, Ours, make_ours, plan_run
 from benchmarks.timing import Measurement
-from benchmarks.work import FRAME
+from ship_trl.run.journal import Journal
 
 ROOT = Path(__file__).resolve().parents[1]
 TRANSITIONS = 50_000
+# Whose checkpoints are measured.
+SAVED_ARMS = ("scratch", "FE3", "FE4")
 # Enough for updates, evaluations, pictures and GIF of a short run.
 EPISODES = 20
 # Their attributes are code, not what an object holds.
@@ -87,3 +90,47 @@ def measure_memory() -> list[Measurement]:
     found = measure_replays(TRANSITIONS)
     size = measure_run(EPISODES)
     return [*found, Measurement("run", "ours, profile quick", "byte", [size])]
+
+
+def measure_checkpoints(rounds: int, seconds: float, *overrides: str) -> list[Measurement]:
+    """Measure checkpoints of a run with a full replay, for every arm.
+
+    Args:
+        rounds: how many checkpoints are written.
+        seconds: how long the run trains before each of them.
+        overrides: of the paper's profile.
+    """
+    found = []
+    for arm in SAVED_ARMS:
+        with tempfile.TemporaryDirectory() as folder:
+            no_wait = ("learn.warmup_steps=0", f"output={folder}")
+            found += measure_arm(arm, Ours(plan_run(arm, no_wait + overrides)), rounds, seconds)
+    # A group compares the arms in one quantity.
+    return sorted(found, key=lambda one: (one.unit != "s", one.group != "write"))
+
+
+def measure_arm(arm: str, ours: Ours, rounds: int, seconds: float) -> list[Measurement]:
+    """Train and write a checkpoint in turns, then read the last one."""
+    ours.fill(ours.learn.replay_size)
+    ours.run.folder.mkdir(parents=True)
+    journal = Journal(ours.run, ours.parts, time.perf_counter())
+    ours.parts.history.add(ours.training.begin(), ours.algorithm.network)
+    writes = []
+    for _ in range(rounds):
+        # As in a run, the processor's caches then hold the training's numbers, not the checkpoint's.
+        start = time.perf_counter()
+        while time.perf_counter() - start < seconds:
+            ours.train(1)
+        start = time.perf_counter()
+        journal.write()
+        writes.append(time.perf_counter() - start)
+    sizes = [float(path.stat().st_size) for path in journal.checkpoints.folder.iterdir()]
+    again = Ours(ours.run)
+    start = time.perf_counter()
+    Journal(ours.run, again.parts, start).resume()
+    read = time.perf_counter() - start
+    return [
+        Measurement("write", arm, "s", writes),
+        Measurement("read", arm, "s", [read]),
+        Measurement(f"{len(sizes)} on the disk", arm, "byte", [sum(sizes)]),
+    ]

@@ -1,7 +1,5 @@
 """A probe reads what a layer holds linearly, and nothing else."""
 
-from dataclasses import astuple
-
 import numpy as np
 import pytest
 import torch
@@ -97,4 +95,4 @@ def test_intervals_are_over_episodes() -> None:
     assert per_episode(np.array([[1.0], [2.0], [4.0]]), np.array([7, 3, 7])).tolist() == [[2.0], [5.0]]
     assert (resamples(5, np.random.default_rng(0), 50).sum(1) == 5).all()
     found = interval(1.0, np.linspace(0, 2, 1001))
-    assert astuple(found) == pytest.approx((1.0, 0.05, 1.95))
+    assert (found.value, found.low, found.high) == pytest.approx((1.0, 0.05, 1.95))

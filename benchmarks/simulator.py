@@ -101,8 +101,8 @@ def gpu_probes(device: str) -> list[Probe]:
     world, found = load_world(), []
     for count in GPU_SIZES:
         for fast, name in ((True, "ours"), (False, "ours, operation by operation")):
-            look = {"from_pixels": True, "device": device, "fast": fast}
-            env = make_env(load_case(CASE, world), world, count, **look)
+            case = load_case(CASE, world)
+            env = make_env(case, world, count, from_pixels=True, device=device, fast=fast)
             action = torch.randint(len(world.actions), (count,)).to(device)
 
             def run(env: ShipEnv = env, action: torch.Tensor = action) -> None:

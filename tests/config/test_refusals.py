@@ -56,6 +56,8 @@ WRONG_VALUES = {
     "learn.backend=incremental device=cuda": "learn.backend: must be auto or dense with",
     "seed=-1": "seed: must be at least 0",
     "seed=one": "seed: must be a whole number, got one",
+    "+pair=high layers=3 learn.episodes=true": "learn.episodes: must be a number, got true or false",
+    "+pair=high layers=3 world.reward.goal=false": "world.reward.goal: must be a number, got true or false",
     "learn.episodes=-5": "learn.episodes: must be from 1 to 1000000000, got -5",
     "learn.replay_size=8": "learn.batch_size: must be at most learn.replay_size=8",
     "learn.lr=0": "learn.lr: must be above 0",

@@ -7,16 +7,13 @@ from collections.abc import Callable
 from typing import cast
 
 import torch
-from hydra import compose, initialize_config_dir
-from omegaconf import DictConfig
 from tensordict import TensorDictBase
 from torch import Generator
 
 from ship_trl.config.arm import Arm
-from ship_trl.config.checks import to_config
-from ship_trl.config.paths import conf_dir
 from ship_trl.config.types import Learn
 from ship_trl.fast.worlds import make_env
+from ship_trl.grid.compose import compose_config
 from ship_trl.learn.double_dqn import DoubleDQN
 from ship_trl.run.plan import Run, make_run
 from ship_trl.run.setup import make_parts, read_source
@@ -41,8 +38,7 @@ OVERRIDES = (
 def plan(*overrides: str) -> Run:
     """Plan a run by its overrides, in a temporary folder."""
     words = [f"output={tempfile.gettempdir()}/ship_trl_benchmarks", "learn.jumpstart_draws=0", *overrides]
-    with initialize_config_dir(str(conf_dir()), version_base="1.3"):
-        return make_run(to_config(cast(DictConfig, compose("config", words))))
+    return make_run(compose_config(*words))
 
 
 def plan_run(arm: str = "scratch", overrides: tuple[str, ...] = ()) -> Run:

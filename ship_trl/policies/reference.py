@@ -104,13 +104,16 @@ def follow_best_known(env: ShipEnv, _: int = 0) -> Policy:
     case = torch.zeros(env.batch_size, dtype=torch.int64, device=env.device)
 
     def policy(step: TensorDictBase) -> TensorDictBase:
-        # The plan of the case that a row has begun with.
+        nonlocal case
         state = step["state"]
-        time = state[:, STEP].long()
-        begun = (time == 0).nonzero()[:, 0]
-        if len(begun):
-            matches = (state[begun, None] == starts).all(-1)
-            case[begun] = torch.where(matches.any(-1), matches.to(torch.int8).argmax(-1), case[begun])
+        time = state[..., STEP].long()
+        if len(plans) == 1 or case.shape != time.shape:
+            case = torch.zeros_like(time)
+        if len(plans) > 1:
+            # The plan of the case that a row has begun with.
+            matches = (state[..., None, :] == starts).all(-1)
+            begins = (time == 0) & matches.any(-1)
+            case = torch.where(begins, matches.to(torch.int8).argmax(-1), case)
         return step.set("action", table[case, time.clamp(max=length - 1)])
 
     return policy

@@ -12,6 +12,7 @@ import torch
 from tensordict import TensorDict
 from torch import Generator
 
+import ship_trl
 from ship_trl.config.errors import ConfigError
 from ship_trl.config.network import load_network
 from ship_trl.config.types import World
@@ -56,6 +57,11 @@ def test_best_known_follows_the_plan_of_each_case(world: World) -> None:
     episodes = rollout(env, load_policy("best_known", env))
     for episode, case in zip(episodes, suite.cases, strict=True):
         assert episode.episode_return == pytest.approx(best_known(case, world).episode_return, abs=1e-2)
+
+
+def test_a_plan_is_followed_in_a_batch_of_another_size(world: World) -> None:
+    policy, env = ship_trl.load_policy("best_known", case="4"), make_env(load_case("4", world), world, 3)
+    assert len({episode.episode_return for episode in rollout(env, policy)}) == 1
 
 
 @pytest.mark.parametrize("name", ["pretrained:4", *POLICIES])

@@ -139,6 +139,14 @@ class TransitionStorage(Storage):
         self._rows = {key: rows.to(self.device, copy=True) for key, rows in state_dict["rows"].items()}
         self._len, self.newest = state_dict["length"], state_dict["newest"]
 
+    def dumps(self, path: Any) -> None:
+        """Raise an error: TorchRL would write a replay without its transitions."""
+        raise NotImplementedError("not supported; save state_dict() instead")
+
+    def loads(self, path: Any) -> None:
+        """Raise an error: use `load_state_dict`."""
+        raise NotImplementedError("not supported; use load_state_dict() instead")
+
     def _empty(self) -> None:
         self._len = 0
 

@@ -1,5 +1,6 @@
 """Replay of states: samples are whole transitions, drawn from its own generator."""
 
+from pathlib import Path
 from typing import Any
 
 import pytest
@@ -105,3 +106,8 @@ def test_a_replay_that_is_not_full_fits_a_larger_one() -> None:
     for first in range(8, 24, 4):
         memory.extend(steps(first, 4))
     assert set(memory.sample(500)["state"][:, 0].int().tolist()) == set(range(4, 24))
+
+
+def test_what_would_lose_the_transitions_is_refused(tmp_path: Path) -> None:
+    with pytest.raises(NotImplementedError, match=r"state_dict\(\)"):
+        filled(12, 8).dumps(tmp_path / "replay")

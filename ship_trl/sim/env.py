@@ -27,6 +27,16 @@ from ship_trl.sim.vector import VectorObservation
 FLAGS = ("goal", "collision", "done", "terminated", "truncated")
 
 
+def step_in_torch(transition: Transition) -> Step:
+    """Return a transition itself, which steps in torch."""
+    return transition
+
+
+def draw_in_torch(rasteriser: Rasteriser) -> Drawing:
+    """Return what draws in torch."""
+    return rasteriser.reference
+
+
 @dataclass(frozen=True)
 class Engine:
     """Makes what computes a world. `ship_trl.fast` has a faster one, which may round differently.
@@ -37,8 +47,9 @@ class Engine:
         scenes: draws random encounters, see `traffic.draw_scenes`.
     """
 
-    step: Callable[[Transition], Step] = lambda transition: transition
-    drawing: Callable[[Rasteriser], Drawing] = lambda rasteriser: rasteriser.reference
+    # Functions with a name: an environment can be pickled.
+    step: Callable[[Transition], Step] = step_in_torch
+    drawing: Callable[[Rasteriser], Drawing] = draw_in_torch
     scenes: Callable[..., bool] = draw_scenes
 
 

@@ -1,6 +1,7 @@
 """The environment: outcomes of the bundled cases, ends of episodes, checks of TorchRL."""
 
 import math
+import pickle
 from collections.abc import Callable
 
 import pytest
@@ -129,6 +130,12 @@ def test_steps_do_not_share_memory(world: World) -> None:
     for key in steps[0].keys():  # noqa: SIM118
         assert len({one[key].data_ptr() for one in steps}) == len(steps), key
     assert env.reset()["state"].data_ptr() != env.reset()["state"].data_ptr()
+
+
+@pytest.mark.parametrize("fast", [True, False])
+def test_it_can_be_pickled(fast: bool, world: World) -> None:
+    env = make_env(load_case("4", world), world, fast=fast)
+    assert torch.equal(pickle.loads(pickle.dumps(env)).reset()["state"], env.reset()["state"])
 
 
 def test_a_margin_costs_near_passes_and_nothing_else(world: World) -> None:

@@ -148,7 +148,7 @@ def test_a_reward_term(before: Path, tmp_path: Path) -> None:
     place, folder = copy(tmp_path), tmp_path / "after"
     # The loops compiled before the edit are kept, and not used after it. The paper's world has no such term.
     before_edit = json.loads(python(place, place, "-c", PAY))
-    assert list((place / "ship_trl").rglob("step_kernel.write_rewards-*.nbi"))
+    assert list((place / "ship_trl").rglob("step.write_rewards-*.nbi"))
     after_edit = json.loads(python(follow("reward", place), place, "-c", PAY))
     for first, second in zip(before_edit, after_edit, strict=True):
         assert second == pytest.approx(first, abs=1e-4)

@@ -1,7 +1,7 @@
 """The reward (equations 4 to 6) as a sum of named terms. A formula is written only here.
 
-torch evaluates the terms with tensors (`transition`, `value_bound`), and a compiled loop with numbers
-(`step_kernel.write_rewards`). Only operations that both share are allowed: + - * / **, abs, < and >.
+torch evaluates the terms with tensors (`transition`, `planner`), and a compiled loop with numbers
+(`fast.step.write_rewards`). Only operations that both share are allowed: + - * / **, abs, < and >.
 """
 
 from __future__ import annotations

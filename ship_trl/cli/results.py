@@ -7,6 +7,7 @@ of transfer are shown from logs of any library; their help: results NAME=FILE --
 
 from __future__ import annotations
 
+import re
 import sys
 from collections.abc import Iterable, Iterator
 from math import floor
@@ -38,7 +39,8 @@ TEST_HEADINGS = ("run", "mean greedy return of a run, one folder", "the other", 
 def main(arguments: list[str] | None = None) -> None:
     """Print a row for each arm of a pair, folder and settings, and what else the options ask for."""
     given = sys.argv[2:] if arguments is None else arguments
-    if any("=" in word and word[0] != "-" and not Path(word).exists() for word in given):
+    # A path may contain an equals sign, for example seed=0.
+    if any(re.match(r"(?!-)[^/=]*=", word) and not Path(word).exists() for word in given):
         metrics.main(given)
         return
     parser = make_parser("results", __doc__)

@@ -54,6 +54,16 @@ def test_a_broken_result_is_named_and_the_rest_shown(
     assert said.err.count("; left out") == 3 and "4 scratch" in said.out
 
 
+def test_a_path_with_an_equals_sign_is_no_arm(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    write(tmp_path, 0, 30.0)
+    folder = tmp_path / "4/scratch/seed=0"
+    with pytest.raises(SystemExit):
+        main([str(folder.with_name("seed=9"))])
+    assert "no finished run below" in capsys.readouterr().err
+    main([str(folder), "--csv", str(folder / "runs.csv")])
+    assert "scratch" in capsys.readouterr().out
+
+
 def test_a_copy_is_no_further_seed(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     write(tmp_path, 0, 30.0)
     shutil.copytree(tmp_path / "4", tmp_path / "4 again")

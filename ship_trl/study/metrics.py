@@ -252,7 +252,7 @@ def measure_arms(
 
 
 def find_scale(arms: Mapping[str, Sequence[LearningCurve]], steps: float) -> Scale:
-    """Return the scale of `Record.score`: 0 is random actions, 1 the best known return.
+    """Return the scale of `RunRecord.score`: 0 is random actions, 1 the best known return.
 
     If no runs of one target say both, it goes from the least to the largest moving return of any run.
     """

@@ -1,1 +1,1 @@
-"""Make faults on purpose and check what survives: `python -m tests.faults`."""
+"""Make faults on purpose and check what survives."""

@@ -21,6 +21,7 @@ from pathlib import Path
 
 from torch import Generator
 
+from ship_trl.cli.parser import make_parser
 from ship_trl.config.paths import conf_dir
 from ship_trl.config.types import EncounterClass, World
 from ship_trl.fast.worlds import make_starts
@@ -110,4 +111,7 @@ def write_plans() -> None:
 
 
 if __name__ == "__main__":
-    {"scenes": write_table, "plans": write_plans}[sys.argv[1]]()
+    parser = make_parser("", __doc__)
+    parser.prog = "python -m studies.scenes"
+    parser.add_argument("what", choices=("scenes", "plans"), help="what is written again")
+    {"scenes": write_table, "plans": write_plans}[parser.parse_args().what]()

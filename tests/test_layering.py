@@ -11,8 +11,6 @@ ROOMS = (
     "config", "files", "sim", "learn", "transfer", "fast", "policies", "view", "gym", "run", "grid", "study",
     "explain", "cli", "__main__",
 )  # fmt: skip
-# Where a room may import what stands above it.
-EXCEPTIONS = {("study", "ship_trl.cli")}
 # What a user's `import ship_trl` offers, in functions: any room.
 TOP = "__init__"
 # Checks come before torch: no file of these imports it at its top.
@@ -51,8 +49,7 @@ def test_imports_point_down(path: Path) -> None:
     for name in imports(path):
         if name.startswith("ship_trl.") and name != "ship_trl.__version__":
             other = name.split(".")[1]
-            is_exception = any(own == one and name.startswith(module) for one, module in EXCEPTIONS)
-            assert ROOMS.index(other) <= ROOMS.index(own) or is_exception, f"{own} must not import {name}"
+            assert ROOMS.index(other) <= ROOMS.index(own), f"{own} must not import {name}"
 
 
 def test_the_package_does_not_know_what_is_made_with_it() -> None:

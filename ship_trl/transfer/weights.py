@@ -91,8 +91,13 @@ def read_look(path: Path, key: str) -> Look:
                     raise ConfigError(f"{name} has another shape")
     except (ValueError, TypeError, RecursionError, ConfigError) as error:
         raise ConfigError(f"{key}: {path}: its header does not describe its network ({error})") from None
-    colour = shapes.get("conv1.weight", [0, 0])[1] == COLOURS
+    colour = channels(shapes) == COLOURS
     return Look(network, colour, any(name.startswith(REUSED) for name in shapes))
+
+
+def channels(shapes: Mapping[str, list[int]]) -> int:
+    """Return how many channels the pictures of a file's network have; 0 if it has no such weights."""
+    return (*shapes.get("conv1.weight", ()), 0, 0)[1]
 
 
 def expected_shapes(network: Network, shapes: Mapping[str, list[int]]) -> dict[str, list[int]]:
@@ -102,7 +107,7 @@ def expected_shapes(network: Network, shapes: Mapping[str, list[int]]) -> dict[s
         names = (*(f"linear{n}" for n in range(1, len(network.linear))), "shared")
         sizes = zip(names, linear_sizes(network), strict=True)
         return {f"{name}.weight": [width, below] for name, (below, width) in sizes}
-    maps, found = shapes.get("conv1.weight", [0, 0])[1], {}
+    maps, found = channels(shapes), {}
     for n, layer in enumerate(layers, 1):
         found[f"conv{n}.weight"] = [layer.filters, maps, layer.kernel, layer.kernel]
         maps = layer.filters

@@ -119,6 +119,14 @@ def test_a_header_that_does_not_describe_its_network_is_refused(
     assert reason in message and "\n" not in message
 
 
+@pytest.mark.parametrize("shape", [(), (3,)])
+def test_weights_of_too_few_dimensions_are_refused(shape: tuple[int, ...], tmp_path: Path) -> None:
+    path = tmp_path / "policy.safetensors"
+    save_file({"conv1.weight": torch.zeros(shape)}, path)
+    with pytest.raises(ConfigError, match="does not fit the network"):
+        load_weights(path, network(0))
+
+
 def test_a_layer_that_is_not_copied_may_have_another_size(saved: Path) -> None:
     fewer = make_network(load_network(), 3, Generator().manual_seed(2))
     with pytest.raises(ConfigError, match=r"advantage\.bias has shape \(7,\), allowed \(3,\)"):

@@ -49,7 +49,8 @@ def train(words: list[str]) -> None:
             for key in ignored_keys(config.algorithm, hydra_config.overrides.task):
                 print_error(f"{key}: not used by algorithm.build={config.algorithm['build']}")
             run = make_run(config)
-            if hydra_config.mode is RunMode.RUN:
+            # An algorithm of one's own may set each value itself.
+            if hydra_config.mode is RunMode.RUN and "recipe" in hydra_config.runtime.choices:
                 sys.stdout.write(f"recipe {hydra_config.runtime.choices['recipe']}\n")
             from ship_trl.run.experiment import run_experiment
 

@@ -9,6 +9,7 @@ import sys
 import time
 from collections.abc import Iterator
 from contextlib import contextmanager
+from traceback import walk_tb
 from typing import NoReturn
 
 from ship_trl.cli.help import MOVED, VERBS
@@ -123,7 +124,11 @@ def explain_command(error: Exception) -> str | None:
             return f"config: not YAML: {' '.join(str(error).split())}"
         case OSError():
             return explain_file(error) if names_file(error) else None
-    return None
+    # For some overrides Hydra raises Python's own errors, as a TypeError for ~network.conv.0. Errors that
+    # OmegaConf raises belong to the module that called it.
+    names = [str(frame.f_globals.get("__name__", "")) for frame, _ in walk_tb(error.__traceback__)]
+    module = next((name for name in reversed(names) if not name.startswith("omegaconf")), "")
+    return f"overrides: Hydra cannot read them ({error})" if module.startswith(("hydra", "antlr4")) else None
 
 
 def names_file(error: OSError) -> bool:

@@ -75,6 +75,10 @@ class Loader(ConfigLoaderImpl):
             composed[tuple(words)] = copy.deepcopy(values)
         return values
 
+    def __getstate__(self) -> dict[str, Any]:
+        """Leave out what was composed: a grid hands the loader to each of its runs."""
+        return {key: value for key, value in vars(self).items() if key != "composed"}
+
 
 def use_loader() -> None:
     """Let Hydra compose by `Loader` in this process."""
@@ -210,4 +214,7 @@ def allowed_keys(key: str) -> str:
     """List the keys that are allowed where an unknown `key` was given."""
     if key.startswith("algorithm."):
         return "unknown key of this algorithm; allowed: those of its files in conf/algorithm and conf/recipe"
-    return f"unknown key; allowed here: {', '.join(keys_at(Config, tuple(key.split('.')[:-1])))}"
+    path = key.split(".")[:-1]
+    while not (known := keys_at(Config, tuple(path))):
+        path.pop()
+    return f"unknown key; allowed here: {', '.join(known)}"

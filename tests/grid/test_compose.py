@@ -1,10 +1,12 @@
 """Words of a command line stay as they are typed, and a suite brings its profile however it is named."""
 
+import pickle
 from pathlib import Path
 from typing import Any
 
 import pytest
 from hydra import compose, initialize_config_dir
+from hydra.core.global_hydra import GlobalHydra
 from omegaconf import DictConfig
 
 from ship_trl.config.checks import to_config
@@ -13,6 +15,13 @@ from ship_trl.grid.compose import Loader, quote_text
 from tests.command import ship_trl
 
 TRAFFIC = "# @package _global_\ntarget: traffic\nmethod: scratch\noutput: 2024_05_01\nseed: 010\n"
+PROFILE = """\
+# @package _global_
+defaults: [override /recipe: double_dqn_quick]
+profile: mine
+output: outputs
+learn: {episodes: 7}
+"""
 
 
 @pytest.fixture(autouse=True)
@@ -97,3 +106,31 @@ def test_a_number_in_base_60_is_refused_with_file_and_line(tmp_path: Path) -> No
     said = ship_trl(*line, folder=tmp_path, code=1).stderr
     assert said.startswith("ship_trl: config: not YAML: 1:30 is no decimal number") and "line 2" in said
     assert "own/world/mine.yaml" in said and said.count("\n") == 1
+
+
+OWN = """\
+# @package _global_
+defaults: [double_dqn, _self_]
+algorithm:
+  build: own.py:build
+learn:
+  backend: dense
+  lr: 0.125
+"""
+
+
+def test_files_of_ones_own_set_any_value_of_training() -> None:
+    for group, text in (("algorithm", OWN), ("profile", PROFILE)):
+        (Path("own") / group).mkdir(parents=True)
+        (Path("own") / group / "mine.yaml").write_text(text)
+    Path("own.py").touch()
+    words = ("target=1", "method=scratch", "profile=mine", "algorithm=mine")
+    learn = composed(*words).learn
+    assert (learn.backend.value, learn.lr, learn.episodes, learn.tau) == ("dense", 0.125, 7, 0.02)
+
+
+def test_a_loader_is_handed_on_without_what_it_composed() -> None:
+    with initialize_config_dir(str(conf_dir()), version_base="1.3"):
+        loader = GlobalHydra.instance().config_loader()
+        compose("config", ["target=1"])
+        assert "composed" in vars(loader) and "composed" not in vars(pickle.loads(pickle.dumps(loader)))

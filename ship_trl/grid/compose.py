@@ -111,7 +111,8 @@ def expand_arms(words: Iterable[str]) -> list[str]:
         name = value.strip("'\"")
         if key.lstrip("+") != "arm":
             found.append(word)
-        elif NAME_OF_ARM.fullmatch(name):
+        elif NAME_OF_ARM.fullmatch(name) or "glob(" in name:
+            # Of arms there are no files that a glob could find.
             try:
                 given = Arm.parse(name).settings
             except ValueError:

@@ -133,6 +133,7 @@ REFUSED = {
     "+pair=banana layers=3": "pair: no banana; allowed: high, low, lowest",
     "pair=high layers=3": "pair: write +pair=NAME; allowed: high, low, lowest",
     "+pair=high +arm=FE9": "layers: must be 1, 2, 3, 4 or head with method=feature_extraction, got 9",
+    "-m +pair=high arm=glob(FE*)": "arm: no glob(FE*); allowed: scratch, or FE, FT",
     "algorithm=ppo algorithm.clip=1 target=4": "algorithm.clip: unknown key of this algorithm; allowed",
     "report outputs/study": "report: now python -m ship_trl study report outputs/study",
     "metrics a=b.csv c=d.csv": "metrics: now python -m ship_trl results a=b.csv c=d.csv",

@@ -23,6 +23,8 @@ COPY ship_trl/__init__.py ship_trl/
 RUN pip install --constraint requirements.lock --editable .
 COPY conf conf
 COPY ship_trl ship_trl
+# The verdicts of reports: the claims are no part of the package.
+COPY studies studies
 
 FROM app AS test
 COPY . .

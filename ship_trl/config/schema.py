@@ -69,8 +69,8 @@ def read_as(hint: type[T], values: object, where: str = "", *, key: str = "", fr
             values = OmegaConf.to_container(values, resolve=True, throw_on_missing=True)
         except OmegaConfBaseException as error:
             raise ConfigError(where + explain(error)) from None
-    if (place := number_given_as_bool(hint, values)) is not None:
-        raise ConfigError(f"{where}{name_of(key, place)}: must be a number, got true or false")
+    if not from_json and (wrong := bool_for_number(hint, values)):
+        raise ConfigError(where + explain_invalid(hint, key, wrong, show))
     kind: Any = hint
     adapter = adapter_of(kind)
     try:
@@ -92,28 +92,24 @@ def adapter_of(hint: Any) -> TypeAdapter[Any]:
     return TypeAdapter(one, config=READING)
 
 
-def number_given_as_bool(hint: Any, values: Any, path: tuple[Any, ...] = ()) -> tuple[Any, ...] | None:
-    """Return the place of the first true or false where a number belongs; pydantic reads it as 1 or 0."""
+def bool_for_number(hint: Any, values: Any, path: tuple[Any, ...] = ()) -> dict[str, Any] | None:
+    """Return an error as pydantic's for the first true or false where a number belongs: it reads 1 or 0."""
     if isinstance(values, bool):
-        return path if unwrap(hint_at(hint, path), *UNIONS, Annotated) in (int, float) else None
-    within = (
-        values.items() if isinstance(values, dict) else enumerate(values if isinstance(values, list) else ())
-    )
-    found = (number_given_as_bool(hint, value, (*path, part)) for part, value in within)
-    return next((place for place in found if place is not None), None)
-
-
-def name_of(key: str, path: tuple[Any, ...]) -> str:
-    """Return the full key of a place below `key`."""
-    name = "".join(f"[{part}]" if isinstance(part, int) else f".{part}" for part in path)
-    return (key + name).lstrip(".")
+        kind = unwrap(hint_at(hint, path), *UNIONS, Annotated)
+        is_number = kind in (int, float)
+        return {"loc": (0, *path), "type": f"{kind.__name__}_type", "input": values} if is_number else None
+    lists = enumerate(values if isinstance(values, list) else ())
+    within = values.items() if isinstance(values, dict) else lists
+    found = (bool_for_number(hint, value, (*path, part)) for part, value in within)
+    return next((error for error in found if error), None)
 
 
 def explain_invalid(hint: Any, key: str, error: Any, show: Callable[[Any], str]) -> str:
     """Explain an error of pydantic in one line: the full key, then what is allowed."""
     # The first place is that in the list of one.
     path = error["loc"][1:]
-    name = name_of(key, path)
+    name = "".join(f"[{part}]" if isinstance(part, int) else f".{part}" for part in path)
+    name = (key + name).lstrip(".")
     kind, got = error["type"], error["input"]
     if kind == "missing" or got == "???":
         return f"{name}: missing; a value is needed"

@@ -49,13 +49,13 @@ def train(words: list[str]) -> None:
             for key in ignored_keys(config.algorithm, hydra_config.overrides.task):
                 print_error(f"{key}: not used by algorithm.build={config.algorithm['build']}")
             run = make_run(config)
-            # An algorithm of one's own may set each value itself.
-            if hydra_config.mode is RunMode.RUN and "recipe" in hydra_config.runtime.choices:
-                sys.stdout.write(f"recipe {hydra_config.runtime.choices['recipe']}\n")
             from ship_trl.run.experiment import run_experiment
 
-            is_grid = hydra_config.mode is RunMode.MULTIRUN
-            result = run_experiment(run, place_in_grid(hydra_config.job.num) if is_grid else "")
+            if hydra_config.mode is RunMode.MULTIRUN:
+                result = run_experiment(run, place_in_grid(hydra_config.job.num))
+            else:
+                # An algorithm of one's own may set each value itself.
+                result = run_experiment(run, recipe=hydra_config.runtime.choices.get("recipe", ""))
             return objective(run, result)
 
     with refusals():

@@ -37,7 +37,13 @@ RESULTS = "optimization_results.yaml"
 
 
 class Grid(Callback):
-    """Checks a grid, lets its processes stop cleanly, and prints the best trial of a sweep."""
+    """Checks a grid, lets its processes stop cleanly, and prints the best trial of a sweep.
+
+    A study has checked its runs when it planned them, and sets `checks` to false.
+    """
+
+    def __init__(self, checks: bool) -> None:
+        self._checks = checks
 
     def on_multirun_start(self, config: DictConfig, **kwargs: Any) -> None:
         """Check before Hydra writes anything and before the launcher starts.
@@ -45,7 +51,8 @@ class Grid(Callback):
         It exits on a wrong run, because Hydra turns exceptions of a callback into warnings.
         """
         try:
-            check(config)
+            if self._checks:
+                check(config)
         except ConfigError as error:
             print_error(str(error))
             sys.exit(1)

@@ -33,11 +33,12 @@ from ship_trl.transfer.weights import save_weights
 MAX_SEARCHES = 10
 
 
-def run_experiment(run: Run, place: str = "") -> RunRecord:
+def run_experiment(run: Run, place: str = "", recipe: str = "") -> RunRecord:
     """Train a run and return its result; if the case base lacks its source network, train that first.
 
     If the folder holds a finished run of the same settings, its result is shown and nothing is trained.
-    `place` is the run's place in a grid, such as `3 of 40`; a run of a grid prints less.
+    `place` is the run's place in a grid, such as `3 of 40`; a run of a grid prints less. `recipe` is the name
+    of the recipe that the run takes, which is printed before it is trained.
     """
     configure_process()
     device = torch.device(run.config.device)
@@ -51,6 +52,8 @@ def run_experiment(run: Run, place: str = "") -> RunRecord:
         # A run of other settings may have finished in this folder since `make_run` checked it.
         result = find_result(run)
         if result is None:
+            if recipe:
+                console.say(f"recipe {recipe}")
             source = read_source(run, find_source(run.source, run.title, place)) if run.source else given
             result = train_run(run, device, source, place)
         else:

@@ -85,7 +85,7 @@ def command(jobs: list[Job], config: StudyConfig) -> list[str]:
         *("--config-dir", str((config.folder / JOBS).absolute())),
         *(f"hydra/launcher={config.launcher}", override("hydra.sweep.dir", config.folder.absolute())),
         # The runs were checked when they were planned.
-        "~hydra.callbacks.check_runs",
+        "hydra.callbacks.grid.checks=false",
         *([f"hydra.launcher.n_jobs={config.processes}"] if config.processes else []),
         *(f"profile={config.profile}", f"logger={config.logger}"),
         *([override("wandb.project", wandb.project), f"wandb.mode={wandb.mode.name}"] if wandb else []),
@@ -285,7 +285,7 @@ def time_runs(config: StudyConfig, episodes: int) -> float:
             *(sys.executable, "-m", "ship_trl", "--multirun", f"hydra.launcher.n_jobs={count}"),
             *(override("hydra.sweep.dir", folder), f"profile={config.profile}", *config.run_overrides),
             *("target=4", "method=scratch", f"learn.episodes={episodes}", "learn.warmup_steps=100"),
-            *("~hydra.callbacks.check_runs", override("output", folder)),
+            *("hydra.callbacks.grid.checks=false", override("output", folder)),
             f"seed={','.join(map(str, range(count)))}",
         ]
         with started(line, log) as child:

@@ -19,7 +19,9 @@ from stable_baselines3.common.buffers import ReplayBuffer
 
 from benchmarks.ours import FRAME, Ours, make_ours, plan_run
 from benchmarks.timing import Measurement
-from ship_trl.run.journal import Journal
+from ship_trl.run.checkpoint import Checkpoints
+from ship_trl.run.history import to_row
+from ship_trl.run.plan import CHECKPOINTS
 
 ROOT = Path(__file__).resolve().parents[1]
 TRANSITIONS = 50_000
@@ -112,9 +114,9 @@ def measure_checkpoints(rounds: int, seconds: float, *overrides: str) -> list[Me
 def measure_arm(arm: str, ours: Ours, rounds: int, seconds: float) -> list[Measurement]:
     """Train and write a checkpoint in turns, then read the last one."""
     ours.fill(ours.learn.replay_size)
-    ours.run.folder.mkdir(parents=True)
-    journal = Journal(ours.run, ours.parts, time.perf_counter())
-    ours.parts.history.add(ours.training.begin(), ours.algorithm.network)
+    (ours.run.folder / CHECKPOINTS).mkdir(parents=True)
+    checkpoints = Checkpoints(ours.run, ours.parts, time.perf_counter())
+    ours.parts.history.add(to_row(ours.training.begin()), ours.algorithm.network)
     writes = []
     for _ in range(rounds):
         # As in a run, the processor's caches then hold the training's numbers, not the checkpoint's.
@@ -122,12 +124,12 @@ def measure_arm(arm: str, ours: Ours, rounds: int, seconds: float) -> list[Measu
         while time.perf_counter() - start < seconds:
             ours.train(1)
         start = time.perf_counter()
-        journal.write()
+        checkpoints.write()
         writes.append(time.perf_counter() - start)
-    sizes = [float(path.stat().st_size) for path in journal.checkpoints.folder.iterdir()]
+    sizes = [float(path.stat().st_size) for path in (ours.run.folder / CHECKPOINTS).iterdir()]
     again = Ours(ours.run)
     start = time.perf_counter()
-    Journal(ours.run, again.parts, start).resume()
+    Checkpoints(ours.run, again.parts, start).resume()
     read = time.perf_counter() - start
     return [
         Measurement("write", arm, "s", writes),

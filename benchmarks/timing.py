@@ -77,7 +77,7 @@ def print_table(title: str, measured: Sequence[Measurement], markdown: bool) -> 
         median = short(statistics.median(one.values))
         rows.append([one.group, one.name, one.unit, median, spread, of_first, ours_is])
     kept = [name for k, name in enumerate(headings) if any(row[k] for row in rows)]
-    show(headings, rows, markdown, title, names=kept.index("name") + 1, shown=kept)
+    show(headings, rows, markdown, title, kept)
 
 
 def ratio(above: Measurement, below: Measurement) -> float:

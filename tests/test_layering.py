@@ -17,8 +17,8 @@ TOP = "__init__"
 WITHOUT_TORCH = (
     "config", "files", "cli", "__main__", "sim/cases", "sim/suites", "transfer/similarity",
     "transfer/casebase",
-    "policies/pretrained", "policies/demonstrations", "policies/entry", "policies/registry", "run/checkpoint",
-    "run/folder", "run/plan", "run/process", "run/console", "grid/launchers", "run/results",
+    "policies/pretrained", "policies/demonstrations", "policies/entry", "policies/registry",
+    "run/plan", "run/process", "run/console", "grid/launchers", "run/results",
     "grid/callback", "grid/compose", "run/entries", "run/scores", "run/pretrain", "policies/onnx",
     "explain/study", "study", "learn/settings",
 )  # fmt: skip

@@ -25,7 +25,7 @@ from ship_trl.policies.entry import EPISODES, SHOWN, Entry, rollout_entry
 from ship_trl.policies.pretrained import PRETRAINED
 from ship_trl.run.entries import find_entries
 from ship_trl.run.scores import HEADINGS as SCORES
-from ship_trl.run.scores import RULE_SCORES, Evaluated, describe_scores, describe_worlds
+from ship_trl.run.scores import RULE_SCORES, Scored, describe_scores, describe_worlds
 from ship_trl.run.scores import SHORT as SHORT_SCORES
 
 if TYPE_CHECKING:
@@ -95,7 +95,7 @@ def evaluate(entries: list[Entry], options: Namespace) -> list[str]:
             print_error(f"{error}; left out")
             wrong.append(f"{entry.label} cannot be read")
             continue
-        one = Evaluated(entry, episodes, options.head_on, options.seed)
+        one = Scored(entry, episodes, options.head_on, options.seed)
         found.append(one)
         if entry.claimed is not None and not abs(one.reached - entry.claimed) < SHOWN:
             wrong.append(f"{entry.label} claims {entry.claimed:.1f} and reaches {one.reached:.1f}")
@@ -110,7 +110,7 @@ def evaluate(entries: list[Entry], options: Namespace) -> list[str]:
     return wrong
 
 
-def write_files(found: list[Evaluated], env: ShipEnv, policy: Policy, options: Namespace) -> None:
+def write_files(found: list[Scored], env: ShipEnv, policy: Policy, options: Namespace) -> None:
     """Write the table and the paths of all episodes, and the film of the last policy."""
     last = found[-1]
     if options.csv is not None:
@@ -132,7 +132,7 @@ def write_files(found: list[Evaluated], env: ShipEnv, policy: Policy, options: N
         sys.stdout.write(f"{path}\n")
 
 
-def write_sheet(path: Path, found: list[Evaluated]) -> None:
+def write_sheet(path: Path, found: list[Scored]) -> None:
     """Write the paths of all episodes; policies take turns, so that the first does not fill the page."""
     from ship_trl.view.pages import write_episode_page
 
@@ -151,7 +151,7 @@ def write_sheet(path: Path, found: list[Evaluated]) -> None:
     write_episode_page(path, title, names, episodes, found[0].entry.world)
 
 
-def print_table(found: list[Evaluated], options: Namespace) -> None:
+def print_table(found: list[Scored], options: Namespace) -> None:
     """Print a row for each policy; of several episodes with rates and scores, else with the end."""
     from ship_trl.policies.reference import best_known_return
     from ship_trl.run.console import show
@@ -176,7 +176,7 @@ def print_table(found: list[Evaluated], options: Namespace) -> None:
         title = f"{suites.pop()}: {' or '.join(map(str, counts))} episodes"
     else:
         shown += [headings[0], *["claimed"] * any(one.entry.claimed is not None for one in found)]
-    show(headings, rows, options.markdown, title, 1 if title else 2, shown)
+    show(headings, rows, options.markdown, title, shown)
     for line in describe_worlds(one.entry for one in found):
         sys.stdout.write(f"{line}\n")
     if is_scored and found:
@@ -184,7 +184,7 @@ def print_table(found: list[Evaluated], options: Namespace) -> None:
         sys.stdout.write(f"{describe_scores(world.safe_distance, head_on, shown)}\n")
 
 
-def row(one: Evaluated, best: float | None) -> list[str]:
+def row(one: Scored, best: float | None) -> list[str]:
     """Return the row of one episode; `best` is the best known return."""
     (episode,) = one.episodes
     return [

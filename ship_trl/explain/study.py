@@ -17,7 +17,7 @@ from ship_trl.config.paths import is_name
 from ship_trl.files.curve import RunError
 from ship_trl.files.record import read_run
 from ship_trl.policies.pretrained import PRETRAINED
-from ship_trl.run.folder import read_settings
+from ship_trl.run.plan import read_settings
 from ship_trl.run.results import locate
 from ship_trl.sim.cases import load_case
 from ship_trl.study.manifest import PLAN, read_plan

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import io
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -22,6 +22,8 @@ COLUMNS = (
     "greedy_return", "greedy_length", "greedy_outcome", "greedy_dcpa", "greedy_success_rate",
     "greedy_episodes", "source_return",
 )  # fmt: skip
+# A line that is written, without empty cells.
+Row = dict[str, Any]
 # pandas takes minutes for a million columns.
 MAX_HEADER_BYTES = 1000
 TRAINING, GREEDY = "training", "greedy"

@@ -35,25 +35,16 @@ class Finished:
 
 @dataclass(frozen=True)
 class Evaluated:
-    """The greedy episodes of an evaluation after `episode` training episodes; 0 means before training.
-
-    `source_return` is the mean return on the source of a transfer; None where it was not measured.
-    """
+    """The greedy episodes of an evaluation after `episode` training episodes; 0 means before training."""
 
     episode: int
     steps: int
     episodes: list[Episode]
-    source_return: float | None = None
 
     @property
     def episode_return(self) -> float:
         """Mean return of the episodes."""
         return mean_return(self.episodes)
-
-    @property
-    def success_rate(self) -> float:
-        """Share of the episodes that end at the goal."""
-        return sum(one.goal for one in self.episodes) / len(self.episodes)
 
 
 class Training:

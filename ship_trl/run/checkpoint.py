@@ -1,32 +1,34 @@
-"""Checkpoints of a training: two safetensors files, written in turn.
+"""Checkpoints of a training: written between two steps, and read to resume it.
 
-The header names the run and holds a digest of the contents, because a truncated or corrupted file may still
-have an intact header.
+Two safetensors files are written in turn. The header names the run and holds a digest of the contents,
+because a truncated or corrupted file may still have an intact header.
 """
 
 from __future__ import annotations
 
+import csv
 import hashlib
 import json
-import shutil
 import time
 from collections.abc import Mapping
 from dataclasses import asdict, dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING
 
+import numpy as np
+import torch
 from safetensors import SafetensorError, safe_open
+from torch import Tensor
 
 from ship_trl.config.errors import ConfigError
 from ship_trl.config.schema import read_as
-from ship_trl.files.disk import atomic_write, write_tensors
+from ship_trl.files.disk import atomic_write, remove, write_tensors
+from ship_trl.learn.prefix import add_prefix, strip_prefix
+from ship_trl.run import console
+from ship_trl.run.history import from_csv, to_csv
+from ship_trl.run.plan import CHECKPOINTS, HEADER_KEY, Run
+from ship_trl.run.setup import Parts
 
-if TYPE_CHECKING:
-    from torch import Tensor
-
-FOLDER = "checkpoint"
-# Key of our entry in the safetensors header.
-HEADER_KEY = "ship_trl"
+NAMES = ("1.safetensors", "2.safetensors")
 
 
 class CheckpointError(Exception):
@@ -49,72 +51,142 @@ class About:
 
 
 class Checkpoints:
-    """The checkpoints in a run's folder, `checkpoint/1.safetensors` and `2.safetensors`.
+    """Writes checkpoints of a training between two steps, and resumes from them.
 
-    Between two there are at least `every` episodes, at least one, and `seconds`.
+    `started` is the start of the training, as `time.perf_counter`.
     """
 
-    def __init__(self, run: Path, every: float = 1.0, seconds: float = 0.0) -> None:
-        self.folder = run / FOLDER
-        self._paths = [self.folder / f"{number}.safetensors" for number in (1, 2)]
-        self._every, self._seconds = every, seconds
-        self.begin(0)
+    def __init__(self, run: Run, parts: Parts, started: float) -> None:
+        self._run, self._parts, self._started = run, parts, started
+        self._folder, self._episodes = run.folder / CHECKPOINTS, run.config.learn.episodes
+        # The file to write next, and the episode of the newest checkpoint; None without one.
+        self._next, self._newest = NAMES[0], None
+        self._wait()
 
-    def begin(self, episode: int) -> None:
-        """Restart the wait for the next checkpoint, after `episode` episodes."""
-        self._written_at, self._episode = time.monotonic(), episode
+    @property
+    def seconds(self) -> float:
+        """Training time so far, in all processes."""
+        return time.perf_counter() - self._started
 
-    def due(self, episode: int) -> bool:
-        """Return whether a checkpoint is due after `episode` episodes."""
-        episodes, seconds = episode - self._episode, time.monotonic() - self._written_at
-        return episodes >= max(1, self._every) and seconds >= self._seconds
+    @property
+    def kept(self) -> str:
+        """What a message adds of the newest checkpoint."""
+        return "" if self._newest is None else f"; the checkpoint of episode {self._newest} is kept"
 
-    def write(self, tensors: Mapping[str, Tensor], about: About) -> None:
-        """Replace the older of the two checkpoints.
+    def _wait(self) -> None:
+        """Begin to wait for the next checkpoint."""
+        self._waits_since, self._waits_from = time.monotonic(), self._parts.training.episode
+
+    @property
+    def is_due(self) -> bool:
+        """Whether enough episodes, at least one, and enough seconds have passed since the last one."""
+        interval = self._run.config.checkpoint
+        episodes = self._parts.training.episode - self._waits_from
+        is_late = time.monotonic() - self._waits_since >= interval.seconds
+        return is_late and episodes >= max(1, interval.every * self._episodes)
+
+    def write(self) -> None:
+        """Replace the older checkpoint; on a full disk the training continues without it.
 
         Raises:
-            MemoryError: two copies of the tensors do not fit into memory.
-            OSError: the disk is full, or the folder is not writable.
+            DivergedError: a loss or a weight is not finite. Earlier checkpoints are kept.
         """
-        self.folder.mkdir(exist_ok=True)
-        tensors = {name: value.contiguous() for name, value in tensors.items()}
-        header = json.dumps(asdict(about) | {"digest": digest(tensors, about)})
-        with atomic_write(min(self._paths, key=written_at)) as draft:
-            write_tensors(draft, tensors, {HEADER_KEY: header})
-        self.begin(about.episode)
-
-    def read(self, config_hash: str) -> tuple[tuple[About, dict[str, Tensor]] | None, dict[Path, str]]:
-        """Return the newest intact checkpoint of a run or None, and what is wrong with damaged files."""
-        intact, damaged = [], {}
-        for path in filter(Path.exists, self._paths):
-            try:
-                about, tensors = read(path)
-            except CheckpointError as error:
-                damaged[path] = str(error)
-            else:
-                intact += [(about, tensors)] if about.config_hash == config_hash else []
-        return max(intact, key=lambda one: one[0].steps, default=None), damaged
-
-    def remove(self) -> None:
-        """Delete the checkpoints, because the run is finished or starts over."""
-        shutil.rmtree(self.folder, ignore_errors=True)
-
-
-def read_hashes(run: Path) -> set[str]:
-    """Return the config hashes of a run's checkpoints, "" for unreadable ones; torch is not needed."""
-    found = set()
-    for path in (run / FOLDER).glob("*.safetensors"):
+        training, history, parts = self._parts.training, self._parts.history, self._parts
+        training.check_finite()
+        done = training.episode, self._episodes, training.steps, self.seconds
+        curve = np.frombuffer(to_csv(history.rows).encode(), dtype=np.uint8)
+        tensors: dict[str, Tensor] = {
+            **add_prefix("training", training.state_dict()),
+            **add_prefix("best", {key: value.cpu() for key, value in history.network.state_dict().items()}),
+            "curve": torch.from_numpy(curve.copy()),
+            "starts": parts.starts.get_state(),
+        }
         try:
-            with safe_open(path, framework="numpy") as file:
-                found.add(str(json.loads(file.metadata()[HEADER_KEY])["config_hash"]))
-        except (SafetensorError, OSError, ValueError, RecursionError, LookupError, TypeError):
-            found.add("")
-    return found
+            write(self._folder / self._next, tensors, About(self._run.config_hash, parts.computed, *done))
+            self._newest = training.episode
+            self._next = other(self._next)
+        except OSError as error:
+            console.say(f"no checkpoint at episode {training.episode}: {error.strerror or error}")
+        self._wait()
+
+    def resume(self, in_a_grid: bool = False) -> None:
+        """Restore the training from the newest intact checkpoint of this run, if there is one.
+
+        Damaged checkpoints are reported and deleted. After a checkpoint of other arithmetic the run would not
+        end with the same bits: it is refused, or starts over in a grid, where nobody may be there to choose.
+        """
+        found, damaged = read_newest(self._folder, self._run.config_hash)
+        for path, reason in damaged.items():
+            then = "the other checkpoint is used" if found else "the run starts over"
+            console.say(f"checkpoint: {path} {reason}; {then}")
+            remove(path)
+        if found is None:
+            return
+        name, about, tensors = found
+        parts, place = self._parts, f"{self._folder}, episode {about.episode},"
+        if about.computed != parts.computed:
+            differs = f"was computed by {about.computed}, and here it would be {parts.computed}"
+            if in_a_grid:
+                console.say(f"{place} {differs}; the run starts over")
+                return
+            raise ConfigError(
+                f"output: {place} {differs}; allowed: the same machine, device=, "
+                f"learn.precision= and learn.backend=; or delete {self._folder} to start over"
+            )
+        try:
+            parts.training.load_state_dict(strip_prefix("training", tensors))
+            parts.history.rows = from_csv(bytes(tensors["curve"].numpy()).decode())
+            parts.history.network.load_state_dict(strip_prefix("best", tensors))
+            parts.starts.set_state(tensors["starts"])
+        except (KeyError, ValueError, IndexError, TypeError, RuntimeError, csv.Error) as error:
+            raise ConfigError(
+                f"output: {self._folder} was not written by this program ({type(error).__name__}); "
+                f"delete {self._folder} to start over"
+            ) from None
+        self._started -= about.seconds
+        self._newest, self._next = about.episode, other(name)
+        self._wait()
+        console.say(f"resuming from the checkpoint at episode {about.episode} of {about.episodes}")
+
+    def stop(self) -> str:
+        """Write a checkpoint; return a message that says where the training stopped and how to resume it."""
+        self.write()
+        then = "start over" if self._newest is None else f"resume from episode {self._newest}"
+        at = f"episode {self._parts.training.episode} of {self._episodes}"
+        return f"stopped at {at}; run the same command again to {then}"
 
 
-def written_at(path: Path) -> int:
-    """Return when a file was written, in ns; 0 if it is missing."""
-    return path.stat().st_mtime_ns if path.exists() else 0
+def other(name: str) -> str:
+    """Return the name of the other of the two files."""
+    return NAMES[1 - NAMES.index(name)]
+
+
+def write(path: Path, tensors: Mapping[str, Tensor], about: About) -> None:
+    """Write a checkpoint.
+
+    Raises:
+        MemoryError: two copies of the tensors do not fit into memory.
+        OSError: the disk is full, or the folder is not writable.
+    """
+    tensors = {name: value.contiguous() for name, value in tensors.items()}
+    header = json.dumps(asdict(about) | {"digest": digest(tensors, about)})
+    with atomic_write(path) as draft:
+        write_tensors(draft, tensors, {HEADER_KEY: header})
+
+
+def read_newest(
+    folder: Path, config_hash: str
+) -> tuple[tuple[str, About, dict[str, Tensor]] | None, dict[Path, str]]:
+    """Return a run's newest intact checkpoint with its name, and what is wrong with damaged ones."""
+    intact, damaged = [], {}
+    for path in filter(Path.exists, (folder / name for name in NAMES)):
+        try:
+            about, tensors = read(path)
+        except CheckpointError as error:
+            damaged[path] = str(error)
+        else:
+            intact += [(path.name, about, tensors)] if about.config_hash == config_hash else []
+    return max(intact, key=lambda one: one[1].steps, default=None), damaged
 
 
 def read(path: Path) -> tuple[About, dict[str, Tensor]]:
@@ -133,8 +205,6 @@ def read(path: Path) -> tuple[About, dict[str, Tensor]]:
 
 def digest(tensors: Mapping[str, Tensor], about: About) -> str:
     """Return the SHA-256 of everything in a checkpoint."""
-    import torch
-
     found = hashlib.sha256(json.dumps(asdict(about), sort_keys=True).encode())
     for name in sorted(tensors):
         value = tensors[name]

@@ -19,13 +19,13 @@ from ship_trl.learn.train import Evaluated
 from ship_trl.policies import pretrained
 from ship_trl.policies.reference import best_known_return, random_return
 from ship_trl.run import console
-from ship_trl.run.history import summarise
+from ship_trl.run.history import to_evaluation, to_row
 from ship_trl.run.plan import ALGORITHM_VERSION, Run, hash_of
 from ship_trl.run.process import processor_name
 from ship_trl.run.setup import Parts
 from ship_trl.sim.state import first_case
 from ship_trl.sim.suites import describe
-from ship_trl.transfer.casebase import PLANS, POLICY_LAST, CaseBase, Entry
+from ship_trl.transfer.casebase import PLANS, POLICY_LAST, CaseBase, StoredNetwork
 from ship_trl.transfer.weights import save_weights
 from ship_trl.view.charts import draw_curve, draw_transfer
 from ship_trl.view.film import write_gif
@@ -34,19 +34,17 @@ from ship_trl.view.film import write_gif
 def write_files(run: Run, parts: Parts, known: float | None) -> None:
     """Write the last network and the pictures into the run's folder; `known` is the best known return."""
     history, config, folder = parts.history, run.config, run.folder
-    assert history.best is not None
-    finished, evaluated = history.finished, history.evaluated
-    about = {"config_hash": run.config_hash, "episode": evaluated[-1].episode}
+    about = {"config_hash": run.config_hash, "episode": config.learn.episodes}
     save_weights(folder / POLICY_LAST, parts.algorithm.network, about)
-    draw_curve(folder / "curve.png", finished, evaluated, known, run.title)
+    draw_curve(folder / "curve.png", history.rows, known, run.title)
     if parts.origin is not None and (scratch := scratch_returns(run)) is not None:
-        returns = [episode.episode_return for episode in finished]
+        returns = [row["return"] for row in history.finished]
         draw_transfer(folder / console.TRANSFER, config.arm_label, returns, scratch, known, run.title)
     origin = "" if run.arm.is_scratch else f" from {describe(str(config.source))}"
     title = f"{config.arm_label}{origin}, seed {config.seed}"
     if len(run.target.cases) > 1:
         title += f", suite {run.target.name}"
-    best = history.best.episodes[0]
+    best = parts.evaluate(history.network)[0]
     case = first_case(run.target, best.states[0])
     rasteriser, network = parts.eval_env.rasteriser, history.network
     write_gif(folder / "episode.gif", case, config.world, best, rasteriser, title, network)
@@ -90,8 +88,7 @@ def hash_from_scratch(run: Run, seed: int, version: int | None = None) -> str:
 def make_result(run: Run, parts: Parts, known: float | None, seconds: float) -> RunRecord:
     """Make the result of a training that took `seconds`."""
     history, config = parts.history, run.config
-    assert history.best is not None
-    outcomes, evaluated, best = [f.outcome for f in history.finished], history.evaluated, history.best
+    outcomes = [row["outcome"] for row in history.finished]
     return RunRecord(
         folder=run.folder,
         pair=config.label,
@@ -105,10 +102,10 @@ def make_result(run: Run, parts: Parts, known: float | None, seconds: float) -> 
         source_network=parts.origin,
         best_known_return=known,
         random_return=random_return(run.target, config.world, fast=config.fast),
-        scratch=summarise(Evaluated(0, 0, parts.scratch)),
-        before=evaluated[0],
-        best=summarise(best),
-        final=evaluated[-1],
+        scratch=to_evaluation(to_row(Evaluated(0, 0, parts.scratch))),
+        before=to_evaluation(history.evaluated[0]),
+        best=to_evaluation(history.best),
+        final=to_evaluation(history.evaluated[-1]),
         draws=parts.draws,
         episodes=config.learn.episodes,
         steps=parts.training.steps,
@@ -130,22 +127,21 @@ def make_result(run: Run, parts: Parts, known: float | None, seconds: float) -> 
 
 def measure_source(run: Run, parts: Parts) -> SourceReturns | None:
     """Return what a transfer kept of its source; None if it was not measured from the start."""
-    check, suite, history = parts.source_check, run.source_suite, parts.history
-    # A checkpoint from before sources were measured has no return at the start.
-    if check is None or suite is None or "source_return" not in history.rows[0]:
+    check, suite, rows = parts.source_check, run.source_suite, parts.history.evaluated
+    if check is None or suite is None:
         return None
-    config, measured = run.config, history.source_returns
+    config = run.config
     return SourceReturns(
         network=check.source_return,
-        before=measured[0],
-        best=check.measure(history.network),
-        final=measured[-1],
+        before=rows[0]["source_return"],
+        best=check.measure(parts.history.network),
+        final=rows[-1]["source_return"],
         random=random_return(suite, config.world, fast=config.fast),
         best_known=best_known_return(suite, config.world, Path(config.case_base) / PLANS),
     )
 
 
-def retain(run: Run, result: RunRecord) -> Entry:
+def retain(run: Run, result: RunRecord) -> StoredNetwork:
     """Store a finished run's network in the case base, for later targets (section 4.2)."""
     values, config = result.to_json(), run.config
     scores = {key: values[key] for key in ("best", "final", "best_known_return")}

@@ -11,7 +11,6 @@ from typing import TYPE_CHECKING, TypeVar
 
 from filelock import FileLock, Timeout
 from rich import box
-from rich.cells import cell_len
 from rich.console import Console
 from rich.progress import (
     BarColumn,
@@ -21,15 +20,15 @@ from rich.progress import (
     TextColumn,
     TimeRemainingColumn,
 )
-from rich.table import Column, Table
+from rich.table import Table
 
 from ship_trl.config.command import command
 from ship_trl.config.errors import escape, one_line
+from ship_trl.files.curve import Row
 from ship_trl.sim.suites import describe
 
 if TYPE_CHECKING:
     from ship_trl.files.record import Evaluation, RunRecord
-    from ship_trl.learn.train import Evaluated, Finished
 
 console = Console()
 # Columns of the table at the end of a run.
@@ -38,6 +37,8 @@ HEADINGS = ("greedy policy", "return", "of best", "ends with", "steps", "least d
 TRANSFER = "transfer.png"
 # Share of a run's episodes between two progress lines, in a single run and in a run of a grid.
 SINGLE_INTERVAL, GRID_INTERVAL = 0.05, 0.25
+# Seconds whose pace an estimate of the time left is of, and characters of a line in a file at most.
+PACE_SECONDS, MAX_WIDTH = 600.0, 1_000_000
 # Seconds until the first message that this process waits for another one, and between further messages.
 SHORT_WAIT, LONG_WAIT = 1.0, 60.0
 
@@ -48,14 +49,9 @@ def say(text: str) -> None:
 
 
 def progress(
-    title: str,
-    episodes: int,
-    events: Iterable[Finished | Evaluated],
-    place: str = "",
-    done: int = 0,
-    greedy: str = "",
-) -> Iterator[Finished | Evaluated]:
-    """Yield the events, and show finished episodes, time left and the last returns.
+    title: str, episodes: int, rows: Iterable[Row], place: str = "", done: int = 0, greedy: str = ""
+) -> Iterator[Row]:
+    """Yield the rows of `curve.csv`, and show finished episodes, time left and the last returns.
 
     A terminal gets a bar. A file or a pipe gets a line at the first episode and after every 5 % of the
     episodes. A run of a grid prints a line with its place and title after every 25 %, because all runs share
@@ -64,8 +60,6 @@ def progress(
     `place` is the run's place in a grid, such as `3 of 40`; it is empty outside a grid. `done` episodes of
     `episodes` were finished before the run was resumed, and `greedy` is its last evaluation.
     """
-    from ship_trl.learn.train import Evaluated
-
     columns = (
         BarColumn(bar_width=20),
         MofNCompleteColumn(),
@@ -73,36 +67,31 @@ def progress(
         TimeRemainingColumn(),
         TextColumn("return {task.fields[now]:>7}  greedy {task.fields[greedy]:>7}"),
     )
-    share = done / episodes
-    lines = (
-        Lines(GRID_INTERVAL, share + GRID_INTERVAL, share) if place else Lines(SINGLE_INTERVAL, share, share)
-    )
+    interval, share = GRID_INTERVAL if place else SINGLE_INTERVAL, done / episodes
+    lines = Lines(interval, share + interval if place else share)
     prefix = f"{place}: {title}: " if place else ""
     plain = bool(place) or not console.is_terminal
-    has_updates = is_measured = False
-    with Progress(*columns, console=console, disable=plain) as bar:
+    with Progress(*columns, console=console, disable=plain, speed_estimate_period=PACE_SECONDS) as bar:
         task = bar.add_task(title, start=False, total=episodes, completed=done, now="", greedy=greedy)
-        for event in events:
-            if isinstance(event, Evaluated):
-                greedy = describe_greedy(event.episode_return, event.success_rate, len(event.episodes))
+        for row in rows:
+            if "greedy_return" in row:
+                greedy = describe_greedy(row)
                 bar.update(task, greedy=greedy)
             else:
-                now = f"{event.episode_return:.1f}"
-                if event.loss is not None and not has_updates:
-                    has_updates = True
+                episode, now = row["episode"], f"{row['return']:.1f}"
+                if "loss" in row:
                     bar.start_task(task)
-                bar.update(task, completed=event.episode, now=now)
-                if plain and (left := lines.due(event.episode / episodes)) is not None:
-                    left = left if is_measured else ""
-                    say(f"{prefix}episode {event.episode} of {episodes}, return {now}, greedy {greedy}{left}")
-                    # The next line's estimate uses the pace since this line.
-                    is_measured = has_updates
-            yield event
+                bar.update(task, completed=episode, now=now)
+                if plain and lines.due(episode / episodes):
+                    left = time_left(bar)
+                    say(f"{prefix}episode {episode} of {episodes}, return {now}, greedy {greedy}{left}")
+            yield row
 
 
-def describe_greedy(episode_return: float, success_rate: float, episodes: int) -> str:
+def describe_greedy(row: Row) -> str:
     """Return the mean return of an evaluation, of several episodes with their success rate."""
-    return f"{episode_return:.1f}" + (f" ({success_rate:.0%} goal)" if episodes > 1 else "")
+    rate = f" ({row['greedy_success_rate']:.0%} goal)" if row["greedy_episodes"] > 1 else ""
+    return f"{row['greedy_return']:.1f}{rate}"
 
 
 @contextmanager
@@ -124,24 +113,14 @@ def hold(lock: FileLock, what: str) -> Iterator[None]:
 
 def say_result(result: RunRecord, title: str, folder: Path, place: str) -> None:
     """Print the result of a run of a grid in one line."""
-    best, final = result.best, result.final
     known = "" if result.best_known_return is None else f" of {result.best_known_return:.1f}"
-    say(
-        f"{place}: {title}: best {best.episode_return:.1f} ({describe_end(best)}), "
-        f"final {final.episode_return:.1f} ({describe_end(final)}){known}, {result.seconds:.0f} s; {folder}"
-    )
+    best, final = (f"{one.episode_return:.1f} ({describe_end(one)})" for one in (result.best, result.final))
+    say(f"{place}: {title}: best {best}, final {final}{known}, {result.seconds:.0f} s; {folder}")
 
 
 def describe_end(evaluation: Evaluation) -> str:
     """Return the outcome of an evaluation's episode, or the success rate of several."""
-    if evaluation.episodes == 1:
-        return evaluation.outcome
-    return f"{evaluation.success_rate:.0%} goal"
-
-
-def format_share(value: float, known: float | None) -> str:
-    """Return a return as a share of the best known one; it makes sense only if both are positive."""
-    return f"{value / known:.0%}" if known is not None and min(known, value) > 0 else "-"
+    return evaluation.outcome if evaluation.episodes == 1 else f"{evaluation.success_rate:.0%} goal"
 
 
 def show_result(result: RunRecord, title: str, folder: Path, is_course_best: bool) -> None:
@@ -153,10 +132,12 @@ def show_result(result: RunRecord, title: str, folder: Path, is_course_best: boo
         ("best", result.best),
         ("final", result.final),
     ):
-        share = format_share(row.episode_return, known)
+        reached = row.episode_return
+        # Makes sense only if both are positive.
+        share = f"{reached / known:.0%}" if known is not None and min(known, reached) > 0 else "-"
         nearest = "-" if row.dcpa is None else f"{row.dcpa:.0f} m"
-        numbers = str(row.length), nearest, str(row.episode)
-        rows.append((name, f"{row.episode_return:.1f}", share, describe_end(row), *numbers))
+        end = describe_end(row)
+        rows.append((name, f"{reached:.1f}", share, end, str(row.length), nearest, str(row.episode)))
     if known is not None:
         rows.append(("best known (planner)", f"{known:.1f}", "100%", "", "", "", ""))
     show(HEADINGS, rows, title=title)
@@ -200,38 +181,29 @@ def format_duration(seconds: float) -> str:
 
 
 class Lines:
-    """Decides when a line is due from the share of the work that is done.
+    """Decides when a line is due: at the share `first` of the work, then after `every` more.
 
-    The first line is due at the share `first`, further ones after `every` more, at least `apart` seconds
-    later. The share `begun` was done before this process started.
+    At least `apart` seconds lie between two lines.
     """
 
-    def __init__(
-        self,
-        every: float,
-        first: float = 0.0,
-        begun: float = 0.0,
-        apart: float = 0.0,
-        clock: Callable[[], float] = time.monotonic,
-    ) -> None:
-        self._every, self._next, self._apart, self._clock = every, first, apart, clock
-        self._last_time, self._last_share = clock(), begun
+    def __init__(self, every: float, first: float = 0.0, apart: float = 0.0) -> None:
+        self._every, self._next, self._apart = every, first, apart
+        self._last = time.monotonic()
 
-    def due(self, share: float) -> str | None:
-        """Return the time left as text if a line is due, else None; the text is empty if the time is unknown.
-
-        The estimate uses the pace since the last line, because the first steps of a run make no updates and
-        are faster.
-        """
-        seconds, gained = self._clock() - self._last_time, share - self._last_share
-        if share < self._next - 1e-9 or seconds < self._apart:
-            return None
-        self._last_time, self._last_share = self._last_time + seconds, share
+    def due(self, share: float) -> bool:
+        """Return whether a line is due when a share of the work is done."""
+        now = time.monotonic()
+        if share < self._next - 1e-9 or now - self._last < self._apart:
+            return False
         # A multiple of `every`, so that rounding errors do not add up.
-        self._next = self._every * (int(share / self._every + 1e-9) + 1)
-        if share >= 1.0 or gained < 0.9 * self._every:
-            return ""
-        return f", about {format_duration((1.0 - share) * seconds / gained)} left"
+        self._last, self._next = now, self._every * (int(share / self._every + 1e-9) + 1)
+        return True
+
+
+def time_left(bar: Progress) -> str:
+    """Return the end of a line that says how long the only task still takes; empty while that is unknown."""
+    seconds = bar.tasks[0].time_remaining
+    return f", about {format_duration(seconds)} left" if seconds else ""
 
 
 @contextmanager
@@ -239,14 +211,14 @@ def show_share(label: str, of: int = 0) -> Iterator[Show]:
     """Yield a function that shows progress: a bar in a terminal, else lines in percent or `of` items."""
     lines, plain = Lines(INTERVAL, apart=LINE_SECONDS), not stderr.is_terminal
     columns = TextColumn(label), BarColumn(bar_width=20), TaskProgressColumn(), TimeRemainingColumn()
-    with Progress(*columns, console=stderr, disable=plain) as bar:
+    with Progress(*columns, console=stderr, disable=plain, speed_estimate_period=PACE_SECONDS) as bar:
         task = bar.add_task(label, total=1.0)
 
         def show(share: float) -> None:
             bar.update(task, completed=share)
-            if plain and (left := lines.due(share)) is not None:
+            if plain and lines.due(share):
                 words = f"{round(share * of)} of {of}" if of else f"{share:.0%}"
-                stderr.print(f"{label}: {words} done{left}", highlight=False)
+                stderr.print(f"{label}: {words} done{time_left(bar)}", highlight=False)
 
         yield show
 
@@ -260,23 +232,17 @@ def track(label: str, items: Sequence[Item]) -> Iterator[Item]:
             yield item
 
 
-# Blank characters between two columns, and the least characters of a line.
-GAP, MIN_WIDTH = 2, 40
-
-
 def show(
     headings: Sequence[str],
     rows: Iterable[Sequence[str]],
     markdown: bool = False,
     title: str | None = None,
-    names: int = 1,
     shown: Container[str] | None = None,
 ) -> None:
     """Print the `shown` columns of a table, or all, with a title above.
 
-    A table that is too wide for the terminal is printed in parts; each begins with the first `names` columns,
-    which identify the rows. Only a cell that is wider than a whole line is wrapped, between words. A file or
-    a pipe has lines of any length.
+    In a terminal cells are wrapped between words. A file or a pipe has lines of any length, and so has a
+    terminal that is too narrow for the words.
     """
     kept = [k for k, heading in enumerate(headings) if shown is None or heading in shown]
     # Names from foreign files must not control a terminal.
@@ -286,45 +252,13 @@ def show(
         above = f"{title}\n\n" if title else ""
         sys.stdout.write(above + "".join(f"| {' | '.join(row)} |\n" for row in lines) + "\n")
         return
+    table = Table(*headings, box=box.SIMPLE_HEAD, padding=(0, 1, 0, 0), pad_edge=False, show_edge=False)
+    for row in rows:
+        table.add_row(*row)
     paper = Console(highlight=False, markup=False)
-    columns = [list(column) for column in zip(headings, *rows, strict=True)]
-    whole = [max(map(cell_len, column)) for column in columns]
-    in_a_line = max(sum(whole) + GAP * len(whole), cell_len(title or ""), MIN_WIDTH)
-    paper.width = max(paper.width, MIN_WIDTH) if paper.is_terminal else in_a_line
-    for part, widths in split(columns, whole, paper.width, names):
-        some = [Column(columns[k][0], width=width) for k, width in zip(part, widths, strict=True)]
-        table = Table(*some, box=box.SIMPLE_HEAD, padding=(0, 1, 0, 0), pad_edge=False, show_edge=False)
-        for row in rows:
-            table.add_row(*(row[k] for k in part))
-        if title:
-            paper.print(title)
-        paper.print(table)
-        paper.print()
-        title = None
-
-
-def split(
-    columns: Sequence[Sequence[str]], whole: Sequence[int], limit: int, names: int
-) -> Iterator[tuple[list[int], list[int]]]:
-    """Yield the columns of each part of a table, and their widths.
-
-    `columns` have a heading, then cells; `whole` are their widths, and a line has `limit` characters.
-    """
-    if sum(whole) + GAP * (len(whole) - 1) <= limit:
-        yield list(range(len(whole))), list(whole)
-        return
-    # Headings are wrapped between words.
-    widths = [max(map(cell_len, (*head.split(), *cells))) for head, *cells in columns]
-    # Long names leave half of the line to the others.
-    first = [min(width, limit // 2 // names) for width in widths[:names]]
-    room = limit - sum(first) - GAP * names
-    part: list[int] = []
-    used: list[int] = []
-    for k, width in enumerate(widths[names:], names):
-        width = min(width, room)
-        if part and sum(used) + GAP * len(used) + width > room:
-            yield [*range(names), *part], [*first, *used]
-            part, used = [], []
-        part.append(k)
-        used.append(width)
-    yield [*range(names), *part], [*first, *used]
+    needs = paper.measure(table, options=paper.options.update(max_width=MAX_WIDTH))
+    paper.width = max(paper.width, needs.minimum) if paper.is_terminal else MAX_WIDTH
+    if title:
+        paper.print(title)
+    paper.print(table)
+    paper.print()

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import shutil
 import time
 from collections.abc import Iterator
 from pathlib import Path
@@ -18,15 +19,13 @@ from ship_trl.policies.reference import best_known_return, is_course_best
 from ship_trl.run import console
 from ship_trl.run.checkpoint import Checkpoints
 from ship_trl.run.conclude import make_result, retain, write_files
-from ship_trl.run.folder import find_result
-from ship_trl.run.history import History
-from ship_trl.run.journal import Journal
-from ship_trl.run.plan import Run
+from ship_trl.run.history import History, to_row
+from ship_trl.run.plan import CHECKPOINTS, Run, find_result
 from ship_trl.run.process import Stop, StoppedError, configure_process, release_memory, stop_on_signal
 from ship_trl.run.setup import Source, make_parts, read_source
 from ship_trl.run.trackers import Trackers
 from ship_trl.sim.cases import shadowing_file
-from ship_trl.transfer.casebase import PLANS, POLICY, CaseBase, Entry
+from ship_trl.transfer.casebase import PLANS, POLICY, CaseBase, StoredNetwork
 from ship_trl.transfer.weights import save_weights
 
 # Cases whose best known plan is searched for, which takes a minute or more of each.
@@ -60,7 +59,7 @@ def run_experiment(run: Run, place: str = "", recipe: str = "") -> RunRecord:
             console.say(f"{run.folder} is already finished; set seed= or output= to train another run")
         # An earlier process may have been killed after it wrote the result and before these two steps.
         retain(run, result)
-        Checkpoints(run.folder).remove()
+        remove_checkpoints(run)
     release_memory()
     if place:
         console.say_result(result, run.title, run.folder, place)
@@ -70,7 +69,7 @@ def run_experiment(run: Run, place: str = "", recipe: str = "") -> RunRecord:
     return result
 
 
-def find_source(source: Run, title: str, place: str) -> Entry:
+def find_source(source: Run, title: str, place: str) -> StoredNetwork:
     """Find a source network in the case base; if it is missing, train and store it.
 
     If several processes need the same network, the first one trains it and the others wait. `title` and
@@ -92,8 +91,13 @@ def find_source(source: Run, title: str, place: str) -> Entry:
             console.say(f"source: {entry.policy} (greedy return {entry.best_return:.1f})")
     if find_result(source) is not None:
         # The process that trained it may have been killed before this step.
-        Checkpoints(source.folder).remove()
+        remove_checkpoints(source)
     return entry
+
+
+def remove_checkpoints(run: Run) -> None:
+    """Delete the checkpoints of a finished run; while their folder exists, it counts as unfinished."""
+    shutil.rmtree(run.folder / CHECKPOINTS, ignore_errors=True)
 
 
 def train_run(run: Run, device: torch.device, source: Source | None, place: str = "") -> RunRecord:
@@ -104,7 +108,7 @@ def train_run(run: Run, device: torch.device, source: Source | None, place: str 
 
     Raises:
         StoppedError: a signal asked to stop.
-        ConfigError: see `make_parts` and `Journal.resume`, or the training diverged.
+        ConfigError: see `make_parts` and `Checkpoints.resume`, or the training diverged.
     """
     started = time.perf_counter()
     # Printed first, because the planner and the jumpstart draws take a while.
@@ -114,57 +118,59 @@ def train_run(run: Run, device: torch.device, source: Source | None, place: str 
         if own := shadowing_file(kind, name):
             console.say(f"{kind} {name}: {own}, not the bundled {kind} of this name")
     parts = make_parts(run, device, source)
-    journal = Journal(run, parts, started)
-    journal.resume(in_a_grid=bool(place))
+    checkpoints = Checkpoints(run, parts, started)
+    checkpoints.resume(in_a_grid=bool(place))
     plans = Path(run.config.case_base) / PLANS
     known = best_known_return(run.target, run.config.world, plans, MAX_SEARCHES)
-    history, training, episodes = parts.history, parts.training, run.config.learn.episodes
+    history, training, network = parts.history, parts.training, parts.algorithm.network
     with Trackers(run, history.rows) as trackers:
         # In a resumed run, the file of the best network may be newer than the checkpoint.
         save_best(run, history)
         with stop_on_signal() as stop:
-            events = train_until_stopped(training, journal, stop)
+            rows = (to_row(event) for event in train_until_stopped(run, training, checkpoints, stop))
             if (check := parts.source_check) is not None:
-                events = (check.add(event, parts.algorithm.network) for event in events)
-            last = [
-                console.describe_greedy(one.episode_return, one.success_rate, one.episodes)
-                for one in history.evaluated[-1:]
-            ]
-            for event in console.progress(run.title, episodes, events, place, training.episode, *last):
-                trackers.log(event)
-                if history.add(event, parts.algorithm.network):
+                rows = (check.add(row, network) for row in rows)
+            last = console.describe_greedy(history.evaluated[-1]) if history.rows else ""
+            episodes = run.config.learn.episodes
+            for row in console.progress(run.title, episodes, rows, place, training.episode, last):
+                trackers.log(row)
+                if history.add(row, network):
                     save_best(run, history)
         write_files(run, parts, known)
-        result = make_result(run, parts, known, journal.seconds)
+        result = make_result(run, parts, known, checkpoints.seconds)
         # Flush the curve before the checkpoints, which hold it too, are deleted.
         sync(run.folder / CURVE)
-        # Before `trackers.finish`, which may fail or wait for a network. The checkpoint folder is deleted
-        # last: while it exists, the run counts as unfinished.
+        # Before `trackers.finish`, which may fail or wait for a network.
         result.write(run.folder)
         retain(run, result)
-        journal.checkpoints.remove()
+        remove_checkpoints(run)
         trackers.finish(result)
     return result
 
 
-def train_until_stopped(training: Training, journal: Journal, stop: Stop) -> Iterator[Finished | Evaluated]:
+def train_until_stopped(
+    run: Run, training: Training, checkpoints: Checkpoints, stop: Stop
+) -> Iterator[Finished | Evaluated]:
     """Train to the end and yield the events; between two steps, write a checkpoint if it is due, or stop."""
     try:
         if not training.has_begun:
             yield training.begin()
         while not training.is_finished:
             yield from training.advance()
-            if stop.asked is None and journal.checkpoints.due(training.episode):
-                journal.write()
+            if stop.asked is None and checkpoints.is_due:
+                checkpoints.write()
             # The signal may also have come while the checkpoint was written.
             if stop.asked is not None:
-                raise StoppedError(journal.stop(), stop.asked)
+                raise StoppedError(checkpoints.stop(), stop.asked)
     except DivergedError as error:
-        raise ConfigError(journal.describe_divergence(error)) from None
+        raise ConfigError(
+            f"learn: {error}, at episode {training.episode} of {run.folder}{checkpoints.kept}; "
+            "try a smaller learn.lr or learn.reward_scale, or learn.loss=huber"
+        ) from None
 
 
 def save_best(run: Run, history: History) -> None:
     """Write the network of the best evaluation, if there is one."""
-    if history.best is not None:
-        about = {"config_hash": run.config_hash, "episode": history.best.episode}
+    if history.rows:
+        about = {"config_hash": run.config_hash, "episode": history.best["episode"]}
         save_weights(run.folder / POLICY, history.network, about)

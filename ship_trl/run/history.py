@@ -6,18 +6,14 @@ import csv
 import dataclasses
 import io
 import math
-from collections.abc import Callable, Mapping
-from typing import Any
 
-from torch import Tensor, nn
+from torch import nn
 
-from ship_trl.files.curve import COLUMNS
+from ship_trl.files.curve import COLUMNS, Row
 from ship_trl.files.record import Evaluation
 from ship_trl.learn.network import DuelingNetwork
-from ship_trl.learn.rollout import Episode
 from ship_trl.learn.train import Evaluated, Finished
 
-Row = dict[str, Any]
 # Types of the columns of `curve.csv`; the others hold floats.
 TYPES = {
     **dict.fromkeys(("episode", "steps", "length", "greedy_length", "greedy_episodes"), int),
@@ -26,105 +22,65 @@ TYPES = {
 
 
 class History:
-    """All events of a training in order, as rows of `curve.csv`, and its best network.
-
-    `best` is the evaluation with the highest greedy return. `network` gets the weights that reached it.
-    """
+    """All events of a training in order, as rows of `curve.csv`; `network` has the weights of the best."""
 
     def __init__(self, network: DuelingNetwork) -> None:
         self.rows: list[Row] = []
-        self.best: Evaluated | None = None
         self.network = network
 
-    def add(self, event: Finished | Evaluated, evaluated: nn.Module) -> bool:
-        """Add an event; return whether it is an evaluation, and `evaluated` is the best network so far."""
-        self.rows.append(to_row(event))
-        if isinstance(event, Finished):
-            return False
-        # On ties keep the later one: in case 1 even an untrained network may keep its course to the goal.
-        if self.best is not None and event.episode_return < self.best.episode_return:
-            return False
-        self.best = event
-        self.network.load_state_dict(evaluated.state_dict())
-        return True
-
-    def restore(
-        self, text: str, weights: Mapping[str, Tensor], evaluate: Callable[[DuelingNetwork], list[Episode]]
-    ) -> None:
-        """Load the rows of a curve and its best network, and run that network's greedy episodes again."""
-        self.rows = from_csv(text)
-        # On ties the later one, as in `add`.
-        evaluations = [row for row in reversed(self.rows) if "greedy_return" in row]
-        best = max(evaluations, key=lambda row: row["greedy_return"])
-        self.network.load_state_dict(weights)
-        self.best = Evaluated(best["episode"], best["steps"], evaluate(self.network))
+    @property
+    def finished(self) -> list[Row]:
+        """The rows of training episodes, in order."""
+        return [row for row in self.rows if "return" in row]
 
     @property
-    def finished(self) -> list[Finished]:
-        """All finished training episodes, in order."""
-        return [
-            Finished(
-                **{key: values[key] for key in ("episode", "steps", "length", "outcome")},
-                epsilon=values.get("epsilon", math.nan),
-                episode_return=values["return"],
-                dcpa=values.get("dcpa", math.inf),
-                loss=values.get("loss"),
-            )
-            for values in self.rows
-            if "return" in values
-        ]
+    def evaluated(self) -> list[Row]:
+        """The rows of greedy evaluations, in order."""
+        return [row for row in self.rows if "greedy_return" in row]
 
     @property
-    def source_returns(self) -> list[float]:
-        """All returns on the source, in order."""
-        return [row["source_return"] for row in self.rows if "source_return" in row]
+    def best(self) -> Row:
+        """The evaluation with the highest return; there is one."""
+        # On ties the later one: in case 1 even an untrained network may keep its course to the goal.
+        return max(reversed(self.evaluated), key=lambda row: float(row["greedy_return"]))
 
-    @property
-    def evaluated(self) -> list[Evaluation]:
-        """All greedy evaluations, in order."""
-        return [
-            Evaluation(
-                episode=values["episode"],
-                dcpa=values.get("greedy_dcpa"),
-                episode_return=values["greedy_return"],
-                **{key: values[f"greedy_{key}"] for key in ("outcome", "length", "success_rate", "episodes")},
-            )
-            for values in self.rows
-            if "greedy_return" in values
-        ]
-
-
-def summarise(evaluated: Evaluated) -> Evaluation:
-    """Summarise a greedy evaluation. Of two outcomes that are as frequent, the worse one is named."""
-    episodes, count = evaluated.episodes, len(evaluated.episodes)
-    outcomes, dcpa = [one.outcome for one in episodes], min(one.dcpa for one in episodes)
-    return Evaluation(
-        episode_return=evaluated.episode_return,
-        outcome=max(("collision", "timeout", "goal"), key=outcomes.count),
-        length=round(sum(one.length for one in episodes) / count),
-        dcpa=dcpa if math.isfinite(dcpa) else None,
-        episode=evaluated.episode,
-        success_rate=evaluated.success_rate,
-        episodes=count,
-    )
+    def add(self, row: Row, evaluated: nn.Module) -> bool:
+        """Add a row; return whether it is an evaluation, and `evaluated` is the best network so far."""
+        self.rows.append(row)
+        is_best = "greedy_return" in row and row is self.best
+        if is_best:
+            self.network.load_state_dict(evaluated.state_dict())
+        return is_best
 
 
 def to_row(event: Finished | Evaluated) -> Row:
     """Turn an event into a row of `curve.csv`; a greedy evaluation has its own columns.
 
-    Missing values are left out: the loss before the first update, the DCPA without target ships, epsilon, or
-    the return on the source.
+    Missing values are left out: the loss before the first update, the DCPA without target ships, or epsilon.
     """
     if isinstance(event, Finished):
         values = dataclasses.asdict(event)
         values["return"] = values.pop("episode_return")
     else:
-        greedy = dataclasses.asdict(summarise(event))
-        greedy["return"] = greedy.pop("episode_return")
-        values = {"episode": greedy.pop("episode"), "steps": event.steps}
-        values |= {f"greedy_{key}": value for key, value in greedy.items()}
-        values["source_return"] = event.source_return
+        episodes, outcomes = event.episodes, [one.outcome for one in event.episodes]
+        values = {
+            "episode": event.episode,
+            "steps": event.steps,
+            "greedy_return": event.episode_return,
+            "greedy_length": round(sum(one.length for one in episodes) / len(episodes)),
+            # Of two that are as frequent, the worse one.
+            "greedy_outcome": max(("collision", "timeout", "goal"), key=outcomes.count),
+            "greedy_dcpa": min(one.dcpa for one in episodes),
+            "greedy_success_rate": outcomes.count("goal") / len(episodes),
+            "greedy_episodes": len(episodes),
+        }
     return {key: v for key, v in values.items() if v is not None and (isinstance(v, str) or math.isfinite(v))}
+
+
+def to_evaluation(row: Row) -> Evaluation:
+    """Return the evaluation of a row as a result holds it."""
+    own = {key.removeprefix("greedy_"): value for key, value in row.items() if key.startswith("greedy_")}
+    return Evaluation(own.pop("return"), episode=row["episode"], **({"dcpa": None} | own))
 
 
 def to_numbers(row: Row) -> dict[str, float]:

@@ -5,32 +5,37 @@ from __future__ import annotations
 import dataclasses
 import hashlib
 import json
+import os
 import shlex
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
 from filelock import FileLock
 from omegaconf import OmegaConf
+from safetensors import SafetensorError, safe_open
+from yaml import YAMLError
 
 from ship_trl.config.algorithm import non_default_algorithm, reads_of
 from ship_trl.config.arm import SCRATCH, Arm, SourceWeights
 from ship_trl.config.bounds import RewardScale
-from ship_trl.config.checks import require
+from ship_trl.config.checks import check_world, require
 from ship_trl.config.command import override
-from ship_trl.config.errors import ConfigError
+from ship_trl.config.errors import ConfigError, one_line
 from ship_trl.config.network import non_default_network
 from ship_trl.config.paths import conf_dir, stem
 from ship_trl.config.schema import read_as
 from ship_trl.config.transfer import Transfer
-from ship_trl.config.types import Config, plain
+from ship_trl.config.types import Config, Perturbation, World, plain
 from ship_trl.config.world import world_values
+from ship_trl.files.curve import RunError
+from ship_trl.files.disk import atomic_write, remove
+from ship_trl.files.record import RESULT, RunRecord, read_run
 from ship_trl.files.untrusted import read_yaml
 from ship_trl.learn.settings import TEACHERS
 from ship_trl.policies.demonstrations import Demonstration, read_demonstrations
 from ship_trl.policies.pretrained import PRETRAINED, REWARD_SCALE, Pretrained, find, is_pretrained, networks
-from ship_trl.run.folder import TakenError, check_folder, flatten, read_settings
 from ship_trl.sim.cases import load_case, read_values
 from ship_trl.sim.suites import Suite, describe, load_suite
 from ship_trl.transfer.casebase import CONFIG, LOCKS, POLICY, POLICY_LAST, rank
@@ -46,6 +51,14 @@ LEARNED = (SourceWeights.learned, SourceWeights.pretrained)
 TEACHER = "algorithm.teacher"
 # Prefix of the name of a damaged result folder that a study has kept.
 DAMAGED = "damaged-"
+# Folder of checkpoints in a run's folder; it exists until the run is finished. Key of a checkpoint's header.
+CHECKPOINTS, HEADER_KEY = "checkpoint", "ship_trl"
+# Settings that do not change what a run learns.
+IGNORED_KEYS = {
+    *("output", "case_base", "overwrite", "logger", "wandb", "checkpoint", "objective", "pair", "profile"),
+    "fast",
+}
+MAX_DIFFERENCES_SHOWN = 3
 
 
 @dataclass(frozen=True)
@@ -117,7 +130,7 @@ def make_run(config: Config) -> Run:
     """Plan the run of a checked configuration, and first the run that trains its source.
 
     Raises:
-        ConfigError: a case is missing or invalid, or the folder cannot be used; see `check_folder`.
+        ConfigError: a case is missing or invalid, or the folder cannot be written, or holds another run.
     """
     world = config.world
     target = load_suite(str(config.target), world, "target", config.perturbation)
@@ -222,92 +235,184 @@ def hash_of(
         "world": world_values(config.world),
         "learn": learn,
     }
+    # In place of paths, what is in the files.
+    digests = {}
+    file, _, function = config.algorithm["build"].rpartition(":")
+    if file.endswith(".py"):
+        digests["build"] = f"{hashlib.sha256(Path(file).read_bytes()).hexdigest()}:{function}"
+    if (teacher := find_teacher(config)) is not None:
+        factor = "" if teacher.factor == 1 else f" times {teacher.factor:g}"
+        digests["teacher"] = f"{teacher.digest}{factor}"
     # Left out where they are the default, so that older results keep their digest.
     algorithm = non_default_algorithm(config.algorithm)
+    own, default = (plain(each).get(config.method.value, {}) for each in (config.transfer, Transfer()))
     optional: dict[str, Any] = {
-        "transfer": non_default_transfer(config),
+        "transfer": {key: value for key, value in own.items() if value != default[key]},
         "margin": plain(config.margin) if config.margin.penalty else None,
         "network": non_default_network(config.network),
         "vector_version": VECTOR_VERSION if config.network.linear else None,
-        "algorithm": algorithm and algorithm | digest_files(config),
+        "algorithm": algorithm and algorithm | digests,
         "demonstrations": [one.actions for one in demonstrations],
     }
     values |= {key: value for key, value in optional.items() if value}
     return hashlib.sha256(json.dumps(values, sort_keys=True).encode()).hexdigest()[:12]
 
 
-def non_default_transfer(config: Config) -> dict[str, Any]:
-    """Return the settings of the run's method of transfer that are not the default."""
-    own, default = (plain(each).get(config.method.value, {}) for each in (config.transfer, Transfer()))
-    return {key: value for key, value in own.items() if value != default[key]}
+@dataclass(frozen=True)
+class TeacherFile:
+    """The network of a teacher, with the SHA-256 of its file.
+
+    `factor` is that from its scaled rewards to the run's; 1 where its own are unknown.
+    """
+
+    path: Path
+    digest: str
+    factor: float
 
 
-def digest_files(config: Config) -> dict[str, str]:
-    """Return the settings of the algorithm that name files, with digests in place of the paths."""
-    digests = {}
-    file, _, function = config.algorithm["build"].rpartition(":")
-    if file.endswith(".py"):
-        digests["build"] = f"{hashlib.sha256(Path(file).read_bytes()).hexdigest()}:{function}"
-    if teacher := digest_teacher(config):
-        factor = teacher_factor(config)
-        digests["teacher"] = teacher if factor == 1 else f"{teacher} times {factor:g}"
-    return digests
-
-
-def find_teacher(config: Config) -> Path | None:
-    """Return the teacher's file, or None for an algorithm without a teacher.
+def find_teacher(config: Config) -> TeacherFile | None:
+    """Return the teacher's network, or None for an algorithm without a teacher.
 
     Raises:
         ConfigError: there is no such file, or it is in a result folder of another world.
     """
     if (name := config.algorithm.get("teacher")) is None:
         return None
+    path, scale = Path(str(name)), config.learn.reward_scale
     if is_pretrained(str(name)) and name != PRETRAINED:
-        return find(str(name), None, TEACHER).file
-    path = Path(str(name))
-    path = path / POLICY if path.is_dir() else path
+        path, scale = find(str(name), None, TEACHER).file, REWARD_SCALE
+    elif path.is_dir():
+        path = path / POLICY
     if not path.is_file():
         raise ConfigError(f"{TEACHER}: no file {path}; allowed: {TEACHERS}")
-    if (known := teacher_config(config)) is not None:
-        ours = dict(flatten(plain(config.world), "world"))
-        there = flatten(plain(read_settings(known.parent)[0]), "world")
-        if others := [f"{key}={value}" for key, value in there if ours[key] != value]:
-            raise ConfigError(
-                f"{TEACHER}: {known.parent} is of another world: {others[0]}; allowed: the same world"
-            )
-    return path
+    # A file of another name may lie beside any other config.yaml.
+    known = path.parent / CONFIG
+    if path.name in (POLICY, POLICY_LAST) and known.is_file():
+        if others := differences(read_settings(path.parent)[0], config.world, "world"):
+            told = f"{path.parent} is of another world: {others[0]}"
+            raise ConfigError(f"{TEACHER}: {told}; allowed: the same world")
+        key, where = "learn.reward_scale", f"{TEACHER}: {known}: "
+        scale = read_as(RewardScale, OmegaConf.select(read_yaml(known), key), where, key=key)
+    digest = hashlib.sha256(path.read_bytes()).hexdigest()
+    return TeacherFile(path, digest, config.learn.reward_scale / scale)
 
 
-def teacher_config(config: Config) -> Path | None:
-    """Return the configuration that a teacher was trained with; None where it is unknown.
+class TakenError(ConfigError):
+    """The folder holds a run of other settings, or a damaged result.
 
-    It is in the result folder. A file of another name may lie beside any other config.yaml.
+    Both arguments are kept, so that a process of a grid can pickle the error for its launcher.
     """
-    path = Path(str(config.algorithm.get("teacher")))
-    path = (path.parent if path.name in (POLICY, POLICY_LAST) else path) / CONFIG
-    return path if path.is_file() else None
+
+    def __init__(self, folder: Path, held: str) -> None:
+        super().__init__(folder, held)
+        self.folder, self.held = folder, held
+
+    def __str__(self) -> str:
+        return one_line(
+            f"output: {self.folder} holds {self.held}; "
+            "allowed: another output=FOLDER, or overwrite=true to replace it"
+        )
 
 
-def teacher_factor(config: Config) -> float:
-    """Return the factor from the teacher's scaled rewards to the run's; 1 where the teacher's are unknown.
+def check_folder(run: Run) -> None:
+    """Check, before a run begins, that its folder is writable and that no other run would be overwritten."""
+    parent = next(folder for folder in (run.folder, *run.folder.parents) if folder.exists())
+    if not parent.is_dir() or not os.access(parent, os.W_OK | os.X_OK):
+        raise ConfigError(f"output: {parent} is not a folder that can be written")
+    find_result(run)
+
+
+def find_result(run: Run) -> RunRecord | None:
+    """Return the run's result if its folder holds it, or None if the run may be trained there.
+
+    With `overwrite=true`, it may also be trained in a folder of another run or of a damaged result.
 
     Raises:
-        ConfigError: the teacher's configuration is invalid.
+        TakenError: the folder holds a run of other settings, finished or not, or a damaged result.
     """
-    if is_pretrained(str(config.algorithm.get("teacher"))):
-        return config.learn.reward_scale / REWARD_SCALE
-    if (path := teacher_config(config)) is None:
-        return 1.0
-    key = "learn.reward_scale"
-    scale = read_as(RewardScale, OmegaConf.select(read_yaml(path), key), f"{TEACHER}: {path}: ", key=key)
-    return config.learn.reward_scale / scale
+    held, folder = "", run.folder
+    if (folder / RESULT).exists():
+        try:
+            result = read_run(folder)
+            if result.config_hash == run.config_hash:
+                return result
+            held = f"a finished run of other settings{list_differences(run)}"
+        except RunError as error:
+            held = f"a damaged result: {error}"
+    else:
+        hashes = set(map(read_hash, (folder / CHECKPOINTS).glob("*.safetensors")))
+        # Without a readable checkpoint, the folder may hold this run or another.
+        if hashes and run.config_hash not in hashes and ((told := list_differences(run)) or any(hashes)):
+            held = f"an unfinished run of other settings{told}"
+    if held and not run.config.overwrite:
+        raise TakenError(folder, held)
+    return None
 
 
-def digest_teacher(config: Config) -> str | None:
-    """Return the SHA-256 of the teacher's file; None without a teacher.
+def read_hash(checkpoint: Path) -> str:
+    """Return the hash of the settings of a checkpoint's run, empty if it cannot be read."""
+    try:
+        with safe_open(checkpoint, framework="numpy") as file:
+            return str(json.loads(file.metadata()[HEADER_KEY])["config_hash"])
+    except (SafetensorError, OSError, ValueError, RecursionError, LookupError, TypeError):
+        return ""
 
-    Raises:
-        ConfigError: see `find_teacher`.
+
+def list_differences(run: Run) -> str:
+    """List the first settings that differ in the run's folder, such as ` (learn.lr=0.001)`; may be empty."""
+    try:
+        found = differences(OmegaConf.to_container(read_yaml(run.folder / CONFIG)), run.config)
+    except (OSError, YAMLError):
+        return ""
+    return f" ({', '.join(found[:MAX_DIFFERENCES_SHOWN])})" if found else ""
+
+
+def differences(values: Any, others: Any, prefix: str = "") -> list[str]:
+    """List the values of a configuration that are not those of another one, as `key=value`."""
+    known = dict(flatten(plain(others), prefix))
+    found = flatten(values if isinstance(values, dict) else plain(values), prefix)
+    return [f"{key}={value}" for key, value in found if key in known and known[key] != value]
+
+
+def flatten(values: Any, prefix: str = "") -> Iterator[tuple[str, Any]]:
+    """Yield the values of a nested configuration by their dotted keys; a list is one value."""
+    if not isinstance(values, dict):
+        yield prefix, values
+        return
+    for key, value in values.items():
+        if prefix or key not in IGNORED_KEYS:
+            yield from flatten(value, f"{prefix}.{key}" if prefix else str(key))
+
+
+def open_folder(run: Run, resume: bool = False) -> None:
+    """Empty the run's folder and write its configuration.
+
+    It deletes an unfinished run, or a run that `overwrite=true` replaces. With `resume` it keeps the
+    checkpoints, because everything else is written again.
     """
-    path = find_teacher(config)
-    return None if path is None else hashlib.sha256(path.read_bytes()).hexdigest()
+    try:
+        run.folder.mkdir(parents=True, exist_ok=True)
+        for path in run.folder.iterdir():
+            if path.name != CHECKPOINTS or not resume:
+                remove(path)
+        with atomic_write(run.folder / CONFIG) as draft:
+            OmegaConf.save(OmegaConf.structured(run.config), draft)
+        (run.folder / CHECKPOINTS).mkdir(exist_ok=True)
+    except OSError as error:
+        place = error.filename or run.folder
+        raise ConfigError(f"output: {place} cannot be written: {error.strerror}") from None
+
+
+def read_settings(folder: Path) -> tuple[World, bool, Perturbation]:
+    """Read a run's world, whether its pictures have colours, and its perturbation from its configuration."""
+    path = folder / CONFIG
+    try:
+        values: Any = read_yaml(path)
+        world = read_as(World, values.world, key="world")
+        check_world(world)
+        perturbation = read_as(Perturbation, values.get("perturbation") or {}, key="perturbation")
+        return world, bool(values.colour), perturbation
+    except ConfigError as error:
+        raise ConfigError(f"policy: {path}: {error}") from None
+    except (OSError, AttributeError, ValueError, YAMLError) as error:
+        raise ConfigError(f"policy: {path} is not a configuration: {' '.join(str(error).split())}") from None

@@ -18,8 +18,7 @@ from ship_trl.files.curve import RunError
 from ship_trl.files.disk import read_file
 from ship_trl.files.record import RESULT, RunRecord, read_run
 from ship_trl.files.untrusted import MAX_YAML_BYTES, read_yaml
-from ship_trl.run.folder import flatten
-from ship_trl.run.plan import DAMAGED
+from ship_trl.run.plan import DAMAGED, flatten
 from ship_trl.transfer.casebase import CONFIG
 
 # Keys of a configuration that name or place of a run hold, and those that only change the last digits.

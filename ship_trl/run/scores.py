@@ -9,9 +9,8 @@ from functools import cached_property
 from typing import TYPE_CHECKING, Any
 
 from ship_trl.config.bounds import RULES
-from ship_trl.config.types import plain
 from ship_trl.policies.entry import Entry, time_decision
-from ship_trl.run.folder import flatten
+from ship_trl.run.plan import differences
 from ship_trl.sim.cases import load_world
 
 if TYPE_CHECKING:
@@ -30,7 +29,7 @@ LOW = 5
 
 
 @dataclass(frozen=True)
-class Evaluated:
+class Scored:
     """The episodes of a policy on a suite.
 
     Attributes:
@@ -145,11 +144,9 @@ def describe_mean(measured: Measurements, name: str) -> str:
 
 def describe_worlds(entries: Iterable[Entry]) -> list[str]:
     """Return a line for each world that is not the paper's: keys that differ, and the policies in it."""
-    paper = dict(flatten(plain(load_world()), "world"))
     found: dict[str, list[str]] = {}
     for entry in entries:
-        values = flatten(plain(entry.world), "world")
-        changes = ", ".join(f"{key}={value}" for key, value in values if paper[key] != value)
+        changes = ", ".join(differences(entry.world, load_world(), "world"))
         found.setdefault(changes, []).append(entry.label)
     return [f"{changes}: {', '.join(dict.fromkeys(some))}." for changes, some in found.items() if changes]
 

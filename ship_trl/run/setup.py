@@ -15,25 +15,26 @@ from torch import Generator
 
 from ship_trl.config.arm import FORMS, SourceWeights, TransferMethodName
 from ship_trl.config.errors import ConfigError
-from ship_trl.config.types import Config, Schedule
+from ship_trl.config.types import Schedule
 from ship_trl.fast.learning import accelerator
 from ship_trl.fast.worlds import make_env, make_starts
+from ship_trl.files.curve import Row
 from ship_trl.learn.algorithm import Algorithm, Setup, Teacher, build_algorithm
 from ship_trl.learn.backend import Draw
 from ship_trl.learn.jumpstart import jumpstart
 from ship_trl.learn.network import DuelingNetwork, make_network
 from ship_trl.learn.policy import greedy_policy
 from ship_trl.learn.rollout import Episode, mean_return, rollout
-from ship_trl.learn.train import Evaluated, Finished, Training
+from ship_trl.learn.train import Training
 from ship_trl.policies.named import load_network
 from ship_trl.policies.pretrained import PRETRAINED, REWARD_SCALE
 from ship_trl.run import console
 from ship_trl.run.history import History
-from ship_trl.run.plan import TEACHER, Run, digest_teacher, find_teacher, teacher_factor
+from ship_trl.run.plan import TEACHER, Run, TeacherFile, find_teacher
 from ship_trl.sim.env import ShipEnv
 from ship_trl.sim.state import mirrored_state
 from ship_trl.sim.suites import Suite
-from ship_trl.transfer.casebase import Entry
+from ship_trl.transfer.casebase import StoredNetwork
 from ship_trl.transfer.methods import make_method
 from ship_trl.transfer.methods.base import Origin, fixed_copy
 from ship_trl.transfer.weights import Weights, load_weights, permute_values
@@ -120,6 +121,7 @@ def make_parts(run: Run, device: torch.device, source: Source | None) -> Parts:
         if FORMS[run.arm.method].uses_function:
             method.attach(make_origin(run, network, source, draw, eval_env, scratch))
         method.copy(network, source.weights)
+    teacher = find_teacher(config)
     setup = Setup(
         network=network,
         draw=draw,
@@ -129,7 +131,7 @@ def make_parts(run: Run, device: torch.device, source: Source | None) -> Parts:
         replay=streams["replay"],
         method=method,
         options=config.algorithm,
-        teacher=read_teacher(config, eval_env),
+        teacher=teacher and read_teacher(teacher, eval_env),
         mirror=mirrored_state,
         accelerator=accelerator(config.fast),
     )
@@ -138,7 +140,6 @@ def make_parts(run: Run, device: torch.device, source: Source | None) -> Parts:
     given: dict[str, Any] = {"encoders": algorithm.encoders, "generator": starts, "margin": config.margin}
     env = make_run_env(run, run.target, device, num_envs=learn.num_envs, **given)
     show_demonstrations(run, env, algorithm)
-    digest = digest_teacher(config)
     return Parts(
         history=History(fixed_copy(network, network.state_dict())),
         training=Training(env, eval_env, algorithm, learn),
@@ -149,7 +150,7 @@ def make_parts(run: Run, device: torch.device, source: Source | None) -> Parts:
         scratch=scratch,
         draws=measure_jumpstart(run, algorithm, draw, eval_env),
         origin=None if source is None else source.origin,
-        teacher=digest and f"{config.algorithm['teacher']} sha256={digest}",
+        teacher=teacher and f"{config.algorithm['teacher']} sha256={teacher.digest}",
         source_check=make_source_check(run, source, device),
         fast=config.fast,
     )
@@ -237,7 +238,7 @@ class Source:
     origin: str
 
 
-def read_source(run: Run, entry: Entry | None = None) -> Source | None:
+def read_source(run: Run, entry: StoredNetwork | None = None) -> Source | None:
     """Read or draw the source's weights as the run's arm asks; return None for a run from scratch.
 
     `entry` is the source network in the case base; None if it is bundled, a file, or random.
@@ -289,11 +290,10 @@ class SourceCheck:
         steps = min(MAX_EVALUATIONS - 1, last)
         return number == 0 or number * steps // last > (number - 1) * steps // last
 
-    def add(self, event: Finished | Evaluated, network: DuelingNetwork) -> Finished | Evaluated:
-        """Add the return on the source to an evaluation of `network`, if it is due."""
-        if isinstance(event, Finished) or not self.is_due(event.episode):
-            return event
-        return replace(event, source_return=self.measure(network))
+    def add(self, row: Row, network: DuelingNetwork) -> Row:
+        """Add the return on the source to the row of an evaluation of `network`, if it is due."""
+        is_due = "greedy_return" in row and self.is_due(row["episode"])
+        return row | {"source_return": self.measure(network)} if is_due else row
 
 
 def make_run_env(run: Run, suite: Suite, device: torch.device, **given: Any) -> ShipEnv:
@@ -319,15 +319,12 @@ def make_source_check(run: Run, source: Source | None, device: torch.device) -> 
     return replace(check, source_return=check.measure(network.to(device)))
 
 
-def read_teacher(config: Config, env: ShipEnv) -> Teacher | None:
-    """Return the teacher's Q-values in the run's scaled rewards, of states; None without a teacher.
+def read_teacher(teacher: TeacherFile, env: ShipEnv) -> Teacher:
+    """Return the teacher's Q-values in the run's scaled rewards, of states.
 
     Raises:
         ConfigError: the file is invalid, or its network has other actions.
     """
-    if (path := find_teacher(config)) is None:
-        return None
-    network = load_network(path, env, TEACHER)
+    network = load_network(teacher.path, env, TEACHER)
     observe = env.observer(network.config, network.colour)
-    factor = teacher_factor(config)
-    return lambda state: factor * network(observe(state))
+    return lambda state: teacher.factor * network(observe(state))

@@ -25,9 +25,8 @@ from ship_trl.files.curve import CURVE, RunError
 from ship_trl.files.disk import atomic_write
 from ship_trl.files.record import RESULT, RunRecord, read_run
 from ship_trl.grid.launchers import die_with_parent
-from ship_trl.run.checkpoint import FOLDER as CHECKPOINTS
-from ship_trl.run.console import Lines
-from ship_trl.run.plan import DAMAGED
+from ship_trl.run.console import PACE_SECONDS, Lines, time_left
+from ship_trl.run.plan import CHECKPOINTS, DAMAGED
 from ship_trl.study.manifest import run_config
 from ship_trl.study.plan import Job, StudyConfig, source_folder
 from ship_trl.study.tables import read_placed
@@ -216,11 +215,12 @@ class Display:
             "{task.fields[now]}",
             console=console,
             disable=not console.is_terminal,
+            speed_estimate_period=PACE_SECONDS,
         )
         done = len(jobs) - len(self._left)
         self._task = self._bar.add_task("", total=len(jobs), completed=done, done=done, now="")
         share = (done + sum(map(self._share, self._left))) / len(jobs)
-        self._lines = Lines(LINE_SHARE, first=share, begun=share, apart=LINE_SECONDS)
+        self._lines = Lines(LINE_SHARE, share, LINE_SECONDS)
 
     def __enter__(self) -> Display:
         self._bar.start()
@@ -239,7 +239,8 @@ class Display:
         completed = done + sum(shares)
         self._bar.update(self._task, completed=completed, done=done, now=now)
         share = completed / total
-        if not console.is_terminal and (left := self._lines.due(share)) is not None:
+        if not console.is_terminal and self._lines.due(share):
+            left = time_left(self._bar)
             say(f"{done} of {total} runs done, {share:.0%} of all{left}; now {now or 'starting'}")
 
     def _share(self, job: Job) -> float:

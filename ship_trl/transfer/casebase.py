@@ -32,7 +32,7 @@ HIGH_SIMILARITY = 0.64
 
 
 @dataclass(frozen=True)
-class Entry:
+class StoredNetwork:
     """A stored network of the suite `case`, mostly one case; `network` are its layers, None the paper's."""
 
     path: Path
@@ -67,10 +67,10 @@ class Match:
     arm: Arm
 
 
-def read_entry(file: Path) -> Entry | None:
+def read_entry(file: Path) -> StoredNetwork | None:
     """Read the entry of a file; None if there is none or it is not valid."""
     try:
-        entry = Entry(path=file.parent, **read_json(file))
+        entry = StoredNetwork(path=file.parent, **read_json(file))
     except (OSError, ValueError, TypeError, AttributeError):
         return None
     texts = (str(entry.path), entry.case, entry.fingerprint, entry.arm, entry.config_hash)
@@ -84,12 +84,12 @@ class CaseBase:
     def __init__(self, folder: Path) -> None:
         self.folder = folder
 
-    def entries(self) -> list[Entry]:
+    def entries(self) -> list[StoredNetwork]:
         """Return all valid entries, sorted by path; skip other folders."""
         files = sorted(self.folder.glob(f"*/*/seed=*/{ENTRY}"))
         return [entry for file in files if (entry := read_entry(file)) is not None]
 
-    def representative(self, case: Case) -> Entry | None:
+    def representative(self, case: Case) -> StoredNetwork | None:
         """Return the network stored for a case that has the best return, of those with the paper's layers.
 
         Networks of `q_reuse` are left out: they are refused as a source.
@@ -112,7 +112,7 @@ class CaseBase:
         locks.mkdir(parents=True, exist_ok=True)
         return FileLock(locks / f"{suite.name}-{arm}-{seed}-{config_hash}.lock")
 
-    def find(self, suite: Suite, arm: str, seed: int, config_hash: str) -> Entry | None:
+    def find(self, suite: Suite, arm: str, seed: int, config_hash: str) -> StoredNetwork | None:
         """Return the entry of this suite and these settings, or None."""
         entry = read_entry(self.entry_folder(suite, arm, seed, config_hash) / ENTRY)
         if entry is None or entry.fingerprint != suite.fingerprint:
@@ -129,10 +129,10 @@ class CaseBase:
         scores: dict[str, Any],
         run: Path,
         network: dict[str, Any] | None = None,
-    ) -> Entry:
+    ) -> StoredNetwork:
         """Store the network of a finished run; keep an existing entry, because it has the same network."""
         folder = self.entry_folder(suite, arm, seed, config_hash)
-        entry = Entry(folder, suite.name, suite.fingerprint, arm, seed, config_hash, scores, network)
+        entry = StoredNetwork(folder, suite.name, suite.fingerprint, arm, seed, config_hash, scores, network)
         if self.find(suite, arm, seed, config_hash):
             return entry
         draft = folder.with_name(f".{folder.name}.{secrets.token_hex(4)}")

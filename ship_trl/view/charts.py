@@ -8,16 +8,17 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+import pandas as pd
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure, SubFigure
 from matplotlib.patches import Circle
 from numpy.typing import NDArray
 
 from ship_trl.config.types import World
-from ship_trl.files.curve import moving_mean
-from ship_trl.files.record import Evaluation, RunRecord
+from ship_trl.files.curve import COLUMNS as CURVE_COLUMNS
+from ship_trl.files.curve import Row, moving_mean
+from ship_trl.files.record import RunRecord
 from ship_trl.learn.rollout import Episode
-from ship_trl.learn.train import Finished
 from ship_trl.sim.cases import Case
 from ship_trl.view.episode import Telemetry, measure_episode
 from ship_trl.view.style import (
@@ -60,56 +61,51 @@ Returns = NDArray[np.float64]
 Groups = Mapping[str, Sequence[RunRecord]]
 
 
-def draw_curve(
-    path: Path,
-    finished: Sequence[Finished],
-    evaluated: Sequence[Evaluation],
-    best_return: float | None,
-    title: str,
-) -> None:
-    """Write the learning curve of one run as a PNG of 1200 x 800.
+def draw_curve(path: Path, rows: Sequence[Row], best_return: float | None, title: str) -> None:
+    """Write the learning curve of one run as a PNG of 1200 x 800; `rows` are those of its `curve.csv`.
 
     Greedy evaluations of several episodes have success rates in place of outcomes. Without a `best_return`
     there is no line for it.
     """
     figure = Figure(figsize=(12, 8), dpi=100, layout="constrained")
     upper, lower = figure.subplots(2, 1, sharex=True, height_ratios=(3, 1))
-    has_rates = evaluated[0].episodes > 1
+    lines = pd.DataFrame(list(rows), columns=list(CURVE_COLUMNS))
+    finished, evaluated = (lines[lines[name].notna()] for name in ("return", "greedy_return"))
+    has_rates = evaluated["greedy_episodes"].max() > 1
     # Names of files in the title may contain a dollar sign.
     figure.suptitle(title, fontsize=15, fontweight="bold", parse_math=False)
     for outcome, (colour, marker) in CHART_OUTCOMES.items():
         style: dict[str, Any] = {"linestyle": "", "marker": marker, "color": colour}
-        trained = [(row.episode, row.episode_return) for row in finished if row.outcome == outcome]
+        trained = finished.loc[finished["outcome"] == outcome, ["episode", "return"]].to_numpy()
         # The legend also lists an outcome that never happened.
         label = f"training: {outcome} ({len(trained)})"
-        upper.plot(*np.reshape(trained, (-1, 2)).T, markersize=4, alpha=0.4, label=label, **style)
-        alone = [one for one in evaluated if one.outcome == outcome and not has_rates]
-        greedy = [(one.episode, one.episode_return) for one in alone]
-        if greedy:
+        upper.plot(*trained.T, markersize=4, alpha=0.4, label=label, **style)
+        ended = evaluated["greedy_outcome"] == outcome
+        greedy = evaluated.loc[ended, ["episode", "greedy_return"]].to_numpy()
+        if len(greedy) and not has_rates:
             # A cross consists only of its edge.
             edge = colour if marker == "x" else SCRATCH
             label = f"greedy: {outcome} ({len(greedy)})"
-            upper.plot(*np.transpose(greedy), markersize=7, mec=edge, zorder=4, label=label, **style)
-    episodes = [row.episode for row in finished]
-    mean = moving_mean([row.episode_return for row in finished], MEAN_OVER)
+            upper.plot(*greedy.T, markersize=7, mec=edge, zorder=4, label=label, **style)
+    episodes, mean = finished["episode"], moving_mean(finished["return"], MEAN_OVER)
     label = f"training: mean of {MEAN_OVER}"
     upper.plot(episodes, mean, color=CHART_SERIES[0], linewidth=2.2, label=label)
-    steps, returns = [one.episode for one in evaluated], [one.episode_return for one in evaluated]
+    steps, returns = evaluated["episode"], evaluated["greedy_return"]
     label = "greedy evaluation, mean" if has_rates else "greedy evaluation"
     upper.step(steps, returns, where="post", color=SCRATCH, linewidth=1.2, label=label)
     if has_rates:
-        label, rates = "greedy share of goals", [one.success_rate for one in evaluated]
+        label, rates = "greedy share of goals", evaluated["greedy_success_rate"]
         lower.step(steps, rates, where="post", color=SCRATCH, linewidth=1.2, label=label)
     upper.set_ylabel("return of an episode (undiscounted raw reward)")
     if best_return is not None:
         best = f"best known: {best_return:.1f}"
         upper.axhline(best_return, color=BEST_KNOWN, linestyle="--", linewidth=1.8, label=best)
     for outcome, line in (("goal", "-"), ("collision", "-.")):
-        share = moving_mean([row.outcome == outcome for row in finished], MEAN_OVER)
+        share = moving_mean(finished["outcome"] == outcome, MEAN_OVER)
         style = {"color": CHART_OUTCOMES[outcome][0], "linestyle": line}
         lower.plot(episodes, share, label=f"share of {outcome}s, last {MEAN_OVER}", **style)
-    epsilons = [row.epsilon for row in finished]
-    if not np.isnan(epsilons).all():
+    epsilons = finished["epsilon"].astype(float)
+    if epsilons.notna().any():
         lower.plot(episodes, epsilons, color=EPSILON, linestyle=":", linewidth=2, label="exploration rate ε")
     lower.set(ylim=(-0.04, 1.04), ylabel="share (0 to 1)", xlabel="training episodes")
     for axes in (upper, lower):

@@ -22,7 +22,7 @@ from ship_trl.learn.network import DuelingNetwork
 from ship_trl.policies.demonstrations import read_demonstration
 from ship_trl.run.checkpoint import CheckpointError
 from ship_trl.run.checkpoint import read as read_checkpoint
-from ship_trl.run.folder import read_settings
+from ship_trl.run.plan import read_settings
 from ship_trl.sim.cases import load_case
 from ship_trl.study.manifest import read_plan
 from ship_trl.study.tables import PLAN

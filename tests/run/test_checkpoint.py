@@ -1,4 +1,4 @@
-"""Two checkpoints are written in turn, and the newest intact one is read."""
+"""Of two checkpoints the newest intact one is read."""
 
 import dataclasses
 from collections.abc import Callable
@@ -8,8 +8,8 @@ import pytest
 import torch
 from torch import Tensor
 
-from ship_trl.files.disk import remove
-from ship_trl.run.checkpoint import About, Checkpoints, read_hashes
+from ship_trl.run.checkpoint import NAMES, About, read, read_newest, write
+from ship_trl.run.plan import read_hash
 from tests.run.test_full_disk import largest_file
 
 ABOUT = About("0123456789ab", "float32 dense cpu", 5, 100, 150, 12.5)
@@ -29,22 +29,26 @@ def at(step: int) -> About:
     return dataclasses.replace(ABOUT, episode=step // 30, steps=step)
 
 
-def written(run: Path, *steps: int) -> Checkpoints:
-    checkpoints = Checkpoints(run)
-    for step in steps:
-        checkpoints.write(tensors(step), at(step))
-    return checkpoints
+def written(folder: Path, *steps: int) -> tuple[Path, ...]:
+    for step, name in zip(steps, NAMES, strict=True):
+        write(folder / name, tensors(step), at(step))
+    return tuple(folder / name for name in NAMES)
 
 
-def test_two_generations_are_kept_and_the_newest_is_read(tmp_path: Path) -> None:
-    checkpoints = written(tmp_path, 30, 60, 90)
-    assert sorted(path.name for path in checkpoints.folder.iterdir()) == ["1.safetensors", "2.safetensors"]
-    found, _ = checkpoints.read(ABOUT.config_hash)
-    assert found is not None and found[0] == at(90)
-    # The third replaced the first.
-    (checkpoints.folder / "1.safetensors").unlink()
-    found, _ = checkpoints.read(ABOUT.config_hash)
-    assert found is not None and found[0] == at(60)
+def newest(folder: Path) -> About:
+    found, _ = read_newest(folder, ABOUT.config_hash)
+    assert found is not None
+    return found[1]
+
+
+def test_the_newest_is_read(tmp_path: Path) -> None:
+    paths = written(tmp_path, 90, 60)
+    found, damaged = read_newest(tmp_path, ABOUT.config_hash)
+    assert found is not None and found[:2] == (NAMES[0], at(90)) and damaged == {}
+    for name, value in tensors(90).items():
+        assert torch.equal(found[2][name], value)
+    paths[0].unlink()
+    assert newest(tmp_path) == at(60)
 
 
 def cut(path: Path) -> None:
@@ -70,43 +74,22 @@ def lie(path: Path) -> None:
 def test_a_damaged_checkpoint_is_named_and_the_previous_is_read(
     damage: Callable[[Path], None], tmp_path: Path
 ) -> None:
-    checkpoints = written(tmp_path, 30, 60)
-    damage(checkpoints.folder / "2.safetensors")
-    found, damaged = checkpoints.read(ABOUT.config_hash)
-    assert found is not None and found[0] == at(30)
-    assert set(damaged) == {checkpoints.folder / "2.safetensors"}
-    assert not any("\n" in reason for reason in damaged.values())
-    for path in damaged:
-        remove(path)
-    checkpoints.write(tensors(90), at(90))
-    found, _ = checkpoints.read(ABOUT.config_hash)
-    assert found is not None and found[0] == at(90)
+    _, path = written(tmp_path, 30, 60)
+    damage(path)
+    assert newest(tmp_path) == at(30)
+    ((named, reason),) = read_newest(tmp_path, ABOUT.config_hash)[1].items()
+    assert named == path and "\n" not in reason
 
 
 def test_a_checkpoint_of_other_settings_is_not_read(tmp_path: Path) -> None:
-    checkpoints = written(tmp_path, 30)
-    assert checkpoints.read("another hash") == (None, {})
-    assert read_hashes(tmp_path) == {ABOUT.config_hash}
-
-
-def test_a_checkpoint_is_due_by_episodes_and_time(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    now = 100.0
-    monkeypatch.setattr("ship_trl.run.checkpoint.time.monotonic", lambda: now)
-    checkpoints = Checkpoints(tmp_path, every=10, seconds=60)
-    now = 159.0
-    assert not checkpoints.due(50)
-    now = 160.0
-    assert checkpoints.due(10) and not checkpoints.due(9)
-    checkpoints.write(tensors(300), at(300))
-    assert not checkpoints.due(20)
-    now = 220.0
-    assert checkpoints.due(20) and not checkpoints.due(19)
+    path, _ = written(tmp_path, 30, 60)
+    assert read_newest(tmp_path, "another hash") == (None, {})
+    assert read_hash(path) == ABOUT.config_hash and read_hash(tmp_path / "none") == ""
 
 
 def test_a_full_disk_leaves_the_previous_checkpoint(tmp_path: Path) -> None:
-    checkpoints = written(tmp_path, 30, 60)
+    path, _ = written(tmp_path, 30, 60)
     with pytest.raises(OSError, match="too large"), largest_file(1000):
-        checkpoints.write(tensors(90), at(90))
-    assert sorted(path.name for path in checkpoints.folder.iterdir()) == ["1.safetensors", "2.safetensors"]
-    found, damaged = checkpoints.read(ABOUT.config_hash)
-    assert found is not None and found[0] == at(60) and damaged == {}
+        write(path, tensors(90), at(90))
+    assert sorted(one.name for one in tmp_path.iterdir()) == list(NAMES)
+    assert newest(tmp_path) == at(60) and read(path)[0] == at(30)

@@ -1,8 +1,11 @@
 """What is printed: progress, what a process waits for, tables, the end of a run."""
 
+import io
 import re
+import sys
 import threading
 import time
+from collections import Counter
 from collections.abc import Iterator
 from pathlib import Path
 
@@ -11,9 +14,11 @@ from filelock import FileLock
 from hypothesis import given
 from hypothesis import strategies as st
 
+from ship_trl.files.curve import Row
 from ship_trl.learn.train import Evaluated, Finished
 from ship_trl.run import console
-from ship_trl.run.console import GAP, MIN_WIDTH, Lines, show, split
+from ship_trl.run.console import show
+from ship_trl.run.history import to_row
 from ship_trl.study import launch as progress
 from ship_trl.study.plan import plan_jobs, to_study
 from tests.a_result import a_result
@@ -22,30 +27,18 @@ from tests.run.test_tracking import EPISODE
 from tests.study.commands import SMALL
 
 
-def test_a_line_is_due_early_and_then_in_equal_intervals() -> None:
-    now = [0.0]
-    lines, said = Lines(0.05, clock=lambda: now[0]), {}
-    for episode in range(1, 601):
-        now[0] += 1.0 if episode <= 30 else 2.0  # the first learn nothing
-        if (left := lines.due(episode / 600)) is not None:
-            said[episode] = left
-    assert list(said) == [1, *range(30, 601, 30)]
-    assert said[1] == "" and said[60] == ", about 18 min left" and said[570] == ", about 60 s left"
-    assert said[600] == ""
-
-
-def events(episodes: int, warmup: int = 12) -> Iterator[Finished | Evaluated]:
-    yield Evaluated(0, 0, [EPISODE])
+def rows(episodes: int, warmup: int = 12) -> Iterator[Row]:
+    yield to_row(Evaluated(0, 0, [EPISODE]))
     for episode in range(1, episodes + 1):
         loss = None if episode <= warmup else 0.5
-        yield Finished(episode, 30 * episode, 0.5, -1.25, 30, "goal", 50.0, loss)
+        yield to_row(Finished(episode, 30 * episode, 0.5, -1.25, 30, "goal", 50.0, loss))
 
 
 def test_a_run_without_a_terminal_prints_lines(capsys: pytest.CaptureFixture[str]) -> None:
-    assert len(list(console.progress("made", 100, events(100)))) == 101
+    assert len(list(console.progress("made", 100, rows(100)))) == 101
     lines = capsys.readouterr().out.splitlines()
     assert lines[0] == "episode 1 of 100, return -1.2, greedy -3.5" and len(lines) == 21
-    assert [" left" in line for line in lines[:6]] == [False] * 4 + [True] * 2, "a pace of the warm-up alone"
+    assert [" left" in line for line in lines[:6]] == [False] * 3 + [True] * 3, "not in the warm-up"
     assert re.fullmatch(r"episode 50 of 100, return -1\.2, greedy -3\.5, about \d+ s left", lines[10])
 
 
@@ -89,7 +82,7 @@ def test_a_study_without_a_terminal_prints_lines(
     first, second = capsys.readouterr().out.splitlines()
     assert first == f"0 of {len(jobs)} runs done, 0% of all; now starting"
     job = jobs[0]
-    assert second.startswith(f"0 of {len(jobs)} runs done, {0.5 / len(jobs):.0%} of all, about ")
+    assert second.startswith(f"0 of {len(jobs)} runs done, {0.5 / len(jobs):.0%} of all; now ")
     assert second.endswith(f"; now {job.label} {job.arm} {job.seed}")
 
 
@@ -109,19 +102,16 @@ WORDS = st.text(st.characters(codec="ascii", categories=("L", "N", "P")), min_si
 CELLS = st.lists(WORDS, min_size=1, max_size=4).map(" ".join)
 
 
-COLUMN = st.lists(CELLS, min_size=3, max_size=3)
-
-
-@given(st.lists(COLUMN, min_size=1, max_size=12), st.integers(MIN_WIDTH, 200))
-def test_parts_fit_and_hold_each_column_once(columns: list[list[str]], limit: int) -> None:
-    whole = [max(map(len, column)) for column in columns]
-    parts = list(split(columns, whole, limit, names=1))
-    assert [k for part, _ in parts for k in part[1:]] == list(range(1, len(columns)))
-    for part, widths in parts:
-        assert part[0] == 0 and sum(widths) + GAP * (len(widths) - 1) <= limit
-        for k, width in zip(part[1:], widths[1:], strict=True):
-            # A cell is narrower than its column unless it would not fit a part of its own.
-            assert width >= max(map(len, columns[k][1:])) or width == limit - widths[0] - GAP
+@given(st.lists(st.lists(CELLS, min_size=3, max_size=3), min_size=1, max_size=12), st.integers(10, 200))
+def test_a_table_breaks_no_word(columns: list[list[str]], width: int) -> None:
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(sys, "stdout", io.StringIO())
+        for name, value in {"FORCE_COLOR": "1", "TERM": "dumb", "COLUMNS": str(width)}.items():
+            patch.setenv(name, value)
+        show([column[0] for column in columns], list(zip(*(column[1:] for column in columns), strict=True)))
+        printed = Counter(re.sub(r"\x1b\[[0-9;]*m", "", sys.stdout.getvalue()).split())
+    wanted = Counter(word for column in columns for cell in column for word in cell.split())
+    assert not wanted - printed
 
 
 def test_a_file_has_lines_of_any_length(capsys: pytest.CaptureFixture[str]) -> None:

@@ -11,8 +11,7 @@ from ship_trl.files.curve import read_curve, split
 from ship_trl.files.record import RunRecord
 from ship_trl.run import experiment
 from ship_trl.run.experiment import find_source, run_experiment
-from ship_trl.run.folder import TakenError, find_result
-from ship_trl.run.plan import Run, make_run
+from ship_trl.run.plan import Run, TakenError, find_result, make_run
 from tests.a_result import a_result
 from tests.config.test_config import composed
 

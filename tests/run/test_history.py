@@ -1,7 +1,6 @@
 """The rows of a curve, written and read again."""
 
 import math
-from dataclasses import replace
 
 import torch
 from hypothesis import given
@@ -11,7 +10,7 @@ from torch import nn
 from ship_trl.files.record import Evaluation
 from ship_trl.learn.rollout import Episode
 from ship_trl.learn.train import Evaluated, Finished
-from ship_trl.run.history import History, from_csv, summarise, to_csv, to_row
+from ship_trl.run.history import History, from_csv, to_csv, to_evaluation, to_row
 
 NUMBERS = st.floats(allow_nan=False, allow_infinity=False)
 EPISODES = st.builds(
@@ -40,29 +39,24 @@ def episode(outcome: str, episode_return: float, dcpa: float) -> Episode:
 
 def test_an_evaluation_is_the_mean_of_its_episodes() -> None:
     goal, crash, late = episode("goal", 80, 90), episode("collision", -300, 20), episode("timeout", -20, 50)
-    found = summarise(Evaluated(7, 100, [goal, goal, crash, late]))
-    assert found == Evaluation(-40.0, "goal", 2, 20.0, 7, 0.5, 4)
+
+    def summarise(*episodes: Episode) -> Evaluation:
+        rows = [to_row(Evaluated(7, 100, list(episodes)))]
+        assert from_csv(to_csv(rows)) == rows
+        return to_evaluation(rows[0])
+
+    assert summarise(goal, goal, crash, late) == Evaluation(-40.0, "goal", 2, 20.0, 7, 0.5, 4)
     # Ties towards the worse.
-    assert summarise(Evaluated(0, 0, [goal, late, crash])).outcome == "collision"
-    assert summarise(Evaluated(0, 0, [goal, late])).outcome == "timeout"
-    alone = summarise(Evaluated(0, 0, [episode("goal", 80, math.inf)]))
-    assert alone == Evaluation(80.0, "goal", 2, None, 0) and alone.success_rate == 1.0
-
-
-def test_evaluations_are_read_back_from_rows() -> None:
-    event = Evaluated(7, 100, [episode("goal", 80, 90), episode("collision", -300, 20)])
-    history = History(nn.Linear(1, 1))  # type: ignore[arg-type]
-    history.rows = from_csv(to_csv([to_row(event)]))
-    assert history.evaluated == [summarise(event)] and history.source_returns == []
-    history.rows = from_csv(to_csv([to_row(replace(event, source_return=-0.125))]))
-    assert history.evaluated == [summarise(event)] and history.source_returns == [-0.125]
+    assert summarise(goal, late, crash).outcome == "collision"
+    assert summarise(goal, late).outcome == "timeout"
+    assert summarise(episode("goal", 80, math.inf)) == Evaluation(80.0, "goal", 2, None, 7, 1.0)
 
 
 def test_the_best_evaluation_has_the_highest_mean_return_and_of_equals_is_the_latest() -> None:
     history, weights = History(nn.Linear(1, 1)), nn.Linear(1, 1)  # type: ignore[arg-type]
-    evaluations = [
-        Evaluated(n, n, [episode("goal", first, 1.0), episode("goal", second, 1.0)])
+    rows = [
+        to_row(Evaluated(n, n, [episode("goal", first, 1.0), episode("goal", second, 1.0)]))
         for n, (first, second) in enumerate([(90, 0), (40, 50), (50, 50), (120, -30)])
     ]
-    assert [history.add(one, weights) for one in evaluations] == [True, True, True, False]
-    assert history.best == evaluations[2]
+    assert [history.add(row, weights) for row in rows] == [True, True, True, False]
+    assert history.best == rows[2]

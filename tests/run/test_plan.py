@@ -6,8 +6,7 @@ from pathlib import Path
 import pytest
 
 from ship_trl.config.errors import ConfigError
-from ship_trl.run.folder import find_result
-from ship_trl.run.plan import Run, make_run
+from ship_trl.run.plan import Run, find_result, make_run
 from tests.a_result import a_result
 from tests.config.test_config import composed
 

@@ -4,14 +4,14 @@ from dataclasses import replace
 
 from ship_trl.config.types import World
 from ship_trl.policies.entry import Entry, example_scenes, rollout_entry
-from ship_trl.run.scores import HEADINGS, Evaluated
+from ship_trl.run.scores import HEADINGS, Scored
 from ship_trl.sim.state import first_case
 from ship_trl.sim.suites import load_suite
 
 
-def evaluated(world: World, suite: str, episodes: int | None = None) -> Evaluated:
+def evaluated(world: World, suite: str, episodes: int | None = None) -> Scored:
     entry = Entry("keep_course", "keep_course", load_suite(suite, world), world, colour=False)
-    return Evaluated(entry, rollout_entry(entry, episodes)[2], 5.0)
+    return Scored(entry, rollout_entry(entry, episodes)[2], 5.0)
 
 
 def test_scenes_have_the_names_of_their_cases(world: World) -> None:

@@ -21,23 +21,25 @@ from ship_trl.fast.worlds import make_env
 from ship_trl.files.curve import CURVE
 from ship_trl.files.record import read_run
 from ship_trl.grid.compose import compose_config
+from ship_trl.learn.algorithm import Teacher
 from ship_trl.learn.double_dqn import build
 from ship_trl.learn.network import DuelingNetwork, make_network
 from ship_trl.policies.demonstrations import write_demonstration
 from ship_trl.policies.named import load_with_network
 from ship_trl.policies.pretrained import find, networks
 from ship_trl.policies.reference import best_known
+from ship_trl.run import setup
 from ship_trl.run.experiment import run_experiment
-from ship_trl.run.plan import Run, make_run
+from ship_trl.run.plan import Run, find_teacher, make_run
 from ship_trl.run.setup import (
     MAX_EVALUATIONS,
     Source,
     SourceCheck,
     read_source,
-    read_teacher,
     show_demonstrations,
 )
 from ship_trl.sim.cases import load_case, load_world
+from ship_trl.sim.env import ShipEnv
 from ship_trl.sim.state import initial_state
 from ship_trl.transfer.casebase import POLICY
 from ship_trl.transfer.weights import read_look, save_weights
@@ -56,8 +58,8 @@ def test_every_step_of_a_demonstration_is_stored_once(tmp_path: Path) -> None:
     run = make_run(compose_config(*words))
     env, replay = make_env(case, world, 3), Generator().manual_seed(0)
     network = DuelingNetwork(1, 7, Generator().manual_seed(0))
-    setup = fast_setup(network, env.rasteriser, 7, run.config.learn, Generator(), replay)
-    algorithm = build(setup)
+    parts = fast_setup(network, env.rasteriser, 7, run.config.learn, Generator(), replay)
+    algorithm = build(parts)
     # Three ships repeat the actions, and the steps of one are kept.
     show_demonstrations(run, env, algorithm)
     assert algorithm.updates == algorithm.steps == 0
@@ -151,6 +153,12 @@ def pupil(teacher: object, *others: str) -> Config:
     return composed(*words, f"algorithm.teacher='{teacher}'", *others)
 
 
+def read_teacher(config: Config, env: ShipEnv) -> Teacher:
+    found = find_teacher(config)
+    assert found is not None
+    return setup.read_teacher(found, env)
+
+
 def saved(path: Path, seed: int = 0, actions: int = 7) -> Path:
     """Write a network of numbers."""
     network = make_network(load_network("vector"), actions, Generator().manual_seed(seed))
@@ -167,15 +175,11 @@ def test_a_teacher_of_numbers_and_one_of_pixels_give_their_q_values(tmp_path: Pa
     network = make_network(load_network("vector"), 7, Generator().manual_seed(0))
     wanted = network(env.observer(network.config)(state))
     for name in (path, tmp_path):
-        teacher = read_teacher(pupil(name), env)
-        assert teacher is not None
-        assert torch.equal(teacher(state), wanted)
-    bundled = read_teacher(pupil("pretrained:4"), env)
+        assert torch.equal(read_teacher(pupil(name), env)(state), wanted)
     bundled_tenth = read_teacher(pupil("pretrained:4", "learn.reward_scale=0.01"), env)
     _, own = load_with_network("pretrained:4", env)
-    assert bundled is not None and bundled_tenth is not None
     torch.testing.assert_close(bundled_tenth(state), 0.1 * own(env.rasteriser(state)))
-    assert read_teacher(composed("target=4", "method=scratch"), env) is None
+    assert find_teacher(composed("target=4", "method=scratch")) is None
 
 
 def test_it_is_known_by_its_content_and_named_in_the_result(tmp_path: Path) -> None:
@@ -200,7 +204,6 @@ def test_a_result_folder_has_the_runs_world_and_its_own_scale_of_rewards(tmp_pat
     world = load_world()
     env, state = make_env(load_case("4", world), world), initial_state(load_case("4", world), world)[None]
     one, tenth = (read_teacher(pupil(tmp_path, f"learn.reward_scale={scale}"), env) for scale in (0.1, 0.01))
-    assert one is not None and tenth is not None
     torch.testing.assert_close(one(state), 10 * tenth(state))
     hashes = {
         make_run(pupil(name, "learn.reward_scale=0.01")).config_hash for name in (tmp_path, tmp_path / POLICY)

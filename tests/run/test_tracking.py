@@ -55,6 +55,6 @@ def test_a_new_run_replaces_an_unfinished_one(tmp_path: Path) -> None:
     run.folder.mkdir(parents=True)
     (run.folder / "curve.csv").write_text("left over")
     with Trackers(run) as tracker:
-        tracker.log(FINISHED)
+        tracker.log(to_row(FINISHED))
     assert sorted(p.name for p in run.folder.iterdir()) == ["checkpoint", "config.yaml", "curve.csv"]
     assert "left over" not in (run.folder / "curve.csv").read_text()

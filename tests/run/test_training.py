@@ -14,11 +14,10 @@ import torch
 from ship_trl.config.errors import ConfigError
 from ship_trl.files.curve import read_curve
 from ship_trl.learn.double_dqn import DoubleDQN
-from ship_trl.run import experiment
-from ship_trl.run.checkpoint import FOLDER, About, Checkpoints
+from ship_trl.run import checkpoint, experiment
+from ship_trl.run.checkpoint import About, read_newest
 from ship_trl.run.experiment import run_experiment
-from ship_trl.run.folder import TakenError
-from ship_trl.run.plan import make_run
+from ship_trl.run.plan import CHECKPOINTS, TakenError, make_run
 from ship_trl.run.process import StoppedError
 from ship_trl.run.setup import Parts
 from ship_trl.run.trackers import Trackers
@@ -73,9 +72,9 @@ def left(folder: Path) -> dict[str, Any]:
 
 def newest_checkpoint(folder: Path) -> About:
     """The header of the newest checkpoint of a run from scratch."""
-    found, _ = Checkpoints(folder).read(make_run(composed(*LINE, *SCRATCH)).config_hash)
+    found, _ = read_newest(folder / CHECKPOINTS, make_run(composed(*LINE, *SCRATCH)).config_hash)
     assert found is not None
-    return found[0]
+    return found[1]
 
 
 class PowerCutError(Exception):
@@ -176,7 +175,7 @@ def test_it_resumes_from_the_checkpoint_before_a_damaged_one(
     after(10**9, cut)
     folder = Path("other/4/scratch/seed=0")
     newest = newest_checkpoint(folder)
-    for path in (folder / FOLDER).glob("*.safetensors"):
+    for path in (folder / CHECKPOINTS).glob("*.safetensors"):
         data = bytearray(path.read_bytes())
         if f'\\"steps\\": {newest.steps}'.encode() in data:
             data[-1000] ^= 1
@@ -199,7 +198,7 @@ def test_an_unfinished_run_of_other_settings_is_not_lost(
     with pytest.raises(TakenError, match=words):
         train("out", *SCRATCH, "learn.lr=1e-3")
     assert files(Path("out/4")) == before
-    for path in Path("out/4/scratch/seed=0", FOLDER).glob("*.safetensors"):
+    for path in Path("out/4/scratch/seed=0", CHECKPOINTS).glob("*.safetensors"):
         path.write_bytes(path.read_bytes()[:1000])
     before = files(Path("out/4"))
     with pytest.raises(TakenError, match=r"\(learn.lr=0.0001\)"):
@@ -258,6 +257,6 @@ def test_a_full_disk_costs_the_checkpoint_and_not_the_training(
     def full(*_: Any) -> None:
         raise OSError(28, "No space left on device")
 
-    monkeypatch.setattr(Checkpoints, "write", full)
+    monkeypatch.setattr(checkpoint, "write", full)
     assert left(train("other", *SCRATCH)) == whole
     assert "no checkpoint at episode 1: No space left on device" in capsys.readouterr().out

@@ -9,9 +9,8 @@ import pytest
 
 from ship_trl.config.errors import ConfigError
 from ship_trl.config.types import trackers_of
-from ship_trl.run.checkpoint import FOLDER
 from ship_trl.run.history import to_row
-from ship_trl.run.plan import make_run
+from ship_trl.run.plan import CHECKPOINTS, make_run
 from ship_trl.run.trackers import Trackers
 from ship_trl.run.trackers.wandb import WandbTracker, start
 from tests.config.test_config import composed
@@ -71,7 +70,7 @@ def server(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Server:
 
 def tracker(*overrides: str) -> WandbTracker:
     run = make_run(composed(*LINE, *overrides))
-    (run.folder / FOLDER).mkdir(parents=True, exist_ok=True)
+    (run.folder / CHECKPOINTS).mkdir(parents=True, exist_ok=True)
     found = WandbTracker(run)
     found.begin()
     return found
@@ -90,6 +89,9 @@ def test_a_wandb_refusal_comes_before_training(server: Server) -> None:
     server.fails["offline"] = Error("no such project")
     with pytest.raises(ConfigError, match=r"wandb: no such project; logger=csv trains without wandb"):
         start(make_run(composed(*LINE)))
+    Path("a_file").touch()
+    with pytest.raises(ConfigError, match=r"wandb: .*a_file.*; logger=csv trains without wandb"):
+        start(make_run(composed(*LINE, "wandb.folder=a_file")))
 
 
 @pytest.mark.parametrize("call", ["log", "finish"])
@@ -135,6 +137,6 @@ def test_of_wandbs_own_variable_only_disabled_counts(
         monkeypatch.setenv("WANDB_MODE", mode)
     for logger in ("csv", "wandb"):
         with Trackers(make_run(composed(*LINE, f"logger={logger}", f"output={logger}"))) as tracked:
-            tracked.log(FINISHED)
+            tracked.log(to_row(FINISHED))
     assert [one["mode"] for one in server.begun] == ["offline"] * begun
     assert trackers_of("all") == ["csv", "tensorboard", *["wandb"] * begun]

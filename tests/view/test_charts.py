@@ -1,7 +1,5 @@
 """Charts: each line is at its height, and each panel and legend at its place."""
 
-import math
-from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -11,23 +9,22 @@ from numpy.typing import NDArray
 from PIL import Image
 
 from ship_trl.config.types import World
-from ship_trl.files.curve import GREEDY, TRAINING
-from ship_trl.files.record import Evaluation, RunRecord
-from ship_trl.learn.train import Finished
+from ship_trl.files.curve import GREEDY, TRAINING, Row
+from ship_trl.files.record import RunRecord
 from ship_trl.sim.cases import load_case
 from ship_trl.view.charts import draw_comparison, draw_curve, draw_trajectories, draw_transfer
 from ship_trl.view.style import CHART_SERIES, SCRATCH
-from tests.a_result import a_result, an_evaluation
+from tests.a_result import a_result
 from tests.view.episodes import run_actions
 
 OUTCOMES = ("collision", "timeout", "goal")
-ROWS = [
-    Finished(k, 30 * k, 1 - k / 100, 3.0 * k - 300, 30, OUTCOMES[k % 3], 60.0, None) for k in range(1, 101)
+TRAINED: list[Row] = [
+    {"episode": k, "epsilon": 1 - k / 100, "return": 3.0 * k - 300, "outcome": OUTCOMES[k % 3]}
+    for k in range(1, 101)
 ]
-EVALUATED = [
-    an_evaluation(-320.0, "collision", 0),
-    an_evaluation(-500.0, "timeout", 50),
-    an_evaluation(60.0, "goal", 100),
+EVALUATED: list[Row] = [
+    {"episode": 50 * k, "greedy_return": number, "greedy_outcome": outcome, "greedy_episodes": 1}
+    for k, (number, outcome) in enumerate(((-320.0, "collision"), (-500.0, "timeout"), (60.0, "goal")))
 ]
 
 
@@ -42,7 +39,7 @@ def pixels_of(picture: NDArray[np.uint8], colour: str) -> NDArray[np.int64]:
 
 
 def test_the_mean_rises_with_the_returns(tmp_path: Path) -> None:
-    draw_curve(tmp_path / "curve.png", ROWS, EVALUATED, 63.7, "case 3 -> case 4, FT3, seed 0")
+    draw_curve(tmp_path / "curve.png", [*TRAINED, *EVALUATED], 63.7, "case 3 -> case 4, FT3, seed 0")
     picture = read(tmp_path / "curve.png")
     assert picture.shape == (800, 1200, 3)
     blue = pixels_of(picture[:, :850], CHART_SERIES[0])
@@ -51,19 +48,17 @@ def test_the_mean_rises_with_the_returns(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize(
-    ("rows", "greedy"),
+    "rows",
     [
-        ([], [EVALUATED[0]]),
-        (ROWS[:2], EVALUATED[:1]),
-        ([replace(row, epsilon=math.nan) for row in ROWS], EVALUATED),
+        EVALUATED[:1],
+        [*EVALUATED[:1], *TRAINED[:2]],
+        [{key: row[key] for key in row if key != "epsilon"} for row in (*TRAINED, *EVALUATED)],
     ],
     ids=["no episode", "two episodes", "no epsilon"],
 )
-def test_a_curve_of_few_episodes_is_drawn(
-    tmp_path: Path, rows: list[Finished], greedy: list[Evaluation]
-) -> None:
+def test_a_curve_of_few_episodes_is_drawn(tmp_path: Path, rows: list[Row]) -> None:
     # A dollar sign in a title is no formula.
-    draw_curve(tmp_path / "curve.png", rows, greedy, 83.9, "case $mine{$_1, scratch, seed 0")
+    draw_curve(tmp_path / "curve.png", rows, 83.9, "case $mine{$_1, scratch, seed 0")
     assert read(tmp_path / "curve.png").shape == (800, 1200, 3)
 
 

@@ -12,11 +12,9 @@ from types import TracebackType
 from typing import Protocol
 
 from ship_trl.config.types import trackers_of
+from ship_trl.files.curve import Row
 from ship_trl.files.record import RunRecord
-from ship_trl.learn.train import Evaluated, Finished
-from ship_trl.run.folder import open_folder
-from ship_trl.run.history import Row, to_row
-from ship_trl.run.plan import Run
+from ship_trl.run.plan import Run, open_folder
 
 
 class Tracker(Protocol):
@@ -53,14 +51,11 @@ class Trackers:
             tracker.begin()
             self._all.append(tracker)
         for row in self._rows:
-            self._log(row)
+            self.log(row)
         return self
 
-    def log(self, event: Finished | Evaluated) -> None:
-        """Log an event with all trackers."""
-        self._log(to_row(event))
-
-    def _log(self, row: Row) -> None:
+    def log(self, row: Row) -> None:
+        """Log the row of an event with all trackers."""
         for tracker in self._all:
             tracker.log(row)
 

@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
-from ship_trl.files.curve import COLUMNS, CURVE
+from ship_trl.files.curve import COLUMNS, CURVE, Row
 from ship_trl.files.disk import writing
 from ship_trl.files.record import RunRecord
-from ship_trl.run.history import Row, to_csv
+from ship_trl.run.history import to_csv
 from ship_trl.run.plan import Run
 
 

@@ -11,10 +11,11 @@ import yaml
 from PIL import Image
 
 from ship_trl.config.types import plain
+from ship_trl.files.curve import Row
 from ship_trl.files.disk import writing
 from ship_trl.files.record import RunRecord
 from ship_trl.run import console
-from ship_trl.run.history import Row, to_numbers
+from ship_trl.run.history import to_numbers
 from ship_trl.run.plan import Run
 
 # A code block in TensorBoard's Markdown.

@@ -12,15 +12,17 @@ from typing import Any, Literal
 
 from ship_trl.config.errors import ConfigError
 from ship_trl.config.types import WandbMode, plain
-from ship_trl.files.disk import atomic_write
+from ship_trl.files.curve import Row
+from ship_trl.files.disk import atomic_write, read_file
 from ship_trl.files.record import RunRecord
 from ship_trl.run import console
-from ship_trl.run.checkpoint import FOLDER
-from ship_trl.run.history import Row, to_numbers
-from ship_trl.run.plan import Run
+from ship_trl.run.history import to_numbers
+from ship_trl.run.plan import CHECKPOINTS, Run
 
 # Seconds to wait for the network when a run starts, and for the upload when it ends.
 INIT_TIMEOUT, FINISH_TIMEOUT = 30.0, 120.0
+# Of the file with the hash of a run's settings and its id in wandb.
+MAX_NOTE_BYTES = 1000
 
 
 class WandbTracker:
@@ -35,38 +37,32 @@ class WandbTracker:
 
     def __init__(self, run: Run) -> None:
         os.environ.setdefault("WANDB_SILENT", "true")
-
         self._run = run
-        self._note = run.folder / FOLDER / "wandb"
-        self._config_hash = run.config_hash
+        self._note = run.folder / CHECKPOINTS / "wandb"
         self._id = self._read_id() or secrets.token_hex(4)
         self._folder = Path(run.config.wandb.folder)
-        self._logged = 0
-        self._failed = False
+        self._logged, self._failed = 0, False
         self._wandb: Any = None
-        self._folder.mkdir(parents=True, exist_ok=True)
         if run.config.wandb.mode is WandbMode.online:
             try:
-                self._wandb = self._init(run, "online")
+                self._wandb = self._init("online")
             except Exception as error:  # from wandb or its dependencies
                 console.say(f"wandb: {describe(error)}; this run is logged offline")
                 # A new id, because wandb still holds the id of the run that it could not start.
                 self._id = secrets.token_hex(4)
         if self._wandb is None:
             try:
-                self._wandb = self._init(run, "offline")
+                self._wandb = self._init("offline")
             except Exception as error:
                 raise ConfigError(f"wandb: {describe(error)}; logger=csv trains without wandb") from None
-        self._wandb.define_metric("episode", hidden=True)
-        for name in ("train/*", "greedy/*"):
-            self._wandb.define_metric(name, step_metric="episode")
 
-    def _init(self, run: Run, mode: Literal["online", "offline"]) -> Any:
+    def _init(self, mode: Literal["online", "offline"]) -> Any:
         """Start the run in wandb, or resume it there."""
         import wandb
 
-        config = run.config
-        return wandb.init(
+        run, config = self._run, self._run.config
+        self._folder.mkdir(parents=True, exist_ok=True)
+        started = wandb.init(
             project=config.wandb.project,
             entity=config.wandb.entity,
             mode=mode,
@@ -83,14 +79,18 @@ class WandbTracker:
                 init_timeout=INIT_TIMEOUT, finish_timeout=FINISH_TIMEOUT, finish_timeout_raises=True
             ),
         )
+        started.define_metric("episode", hidden=True)
+        for name in ("train/*", "greedy/*"):
+            started.define_metric(name, step_metric="episode")
+        return started
 
     def _read_id(self) -> str | None:
         """Read the wandb id of this run, or return None if it was not started before."""
         try:
-            config_hash, wandb_id = self._note.read_text().split()
+            config_hash, wandb_id = read_file(self._note, MAX_NOTE_BYTES).decode().split()
         except (OSError, ValueError):
             return None
-        return wandb_id if config_hash == self._config_hash and wandb_id.isalnum() else None
+        return wandb_id if config_hash == self._run.config_hash and wandb_id.isalnum() else None
 
     def begin(self) -> None:
         """Write the id next to the checkpoints, and delete the offline files that a stopped process left.
@@ -98,7 +98,7 @@ class WandbTracker:
         The new offline files will hold the complete run.
         """
         with atomic_write(self._note) as draft:
-            draft.write_text(f"{self._config_hash} {self._id}")
+            draft.write_text(f"{self._run.config_hash} {self._id}")
         here = Path(self._wandb.dir).parent.resolve()
         for folder in self._folder.glob(f"wandb/offline-run-*-{self._id}"):
             if folder.resolve() != here:
@@ -123,18 +123,14 @@ class WandbTracker:
 
     def finish(self, result: RunRecord) -> None:
         """Log the pictures and put the result into the summary."""
-        self._try(lambda: self._log_result(result, self._run.folder))
+        self._try(lambda: self._log_result(result))
 
-    def _log_result(self, result: RunRecord, folder: Path) -> None:
+    def _log_result(self, result: RunRecord) -> None:
         import wandb
 
-        self._wandb.log(
-            {
-                "episode": result.episodes,
-                "greedy episode": wandb.Video(str(folder / "episode.gif"), format="gif"),
-                "learning curve": wandb.Image(str(folder / "curve.png")),
-            }
-        )
+        gif, picture = (str(self._run.folder / name) for name in ("episode.gif", "curve.png"))
+        pictures = {"greedy episode": wandb.Video(gif, format="gif"), "learning curve": wandb.Image(picture)}
+        self._wandb.log({"episode": result.episodes} | pictures)
         values = result.to_json()
         for key in ("scratch", "before", "best", "final"):
             self._wandb.summary.update({f"{key}/{name}": value for name, value in values[key].items()})

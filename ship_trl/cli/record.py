@@ -86,7 +86,9 @@ def check_mp4(size: tuple[int, int]) -> None:
 
 def record_film(entries: list[Entry], options: Namespace) -> None:
     """Write the film of one entry after the other, or of the first two side by side."""
-    from ship_trl.run.console import track
+    from rich.progress import track
+
+    from ship_trl.run.console import stderr
     from ship_trl.view.dashboard import Look
     from ship_trl.view.episode import view_entry
     from ship_trl.view.film import draw_film, write_film
@@ -99,7 +101,7 @@ def record_film(entries: list[Entry], options: Namespace) -> None:
     look = Look(saliency=options.saliency)
 
     def frames() -> Iterator[Surface]:
-        for act in track("episodes", acts):
+        for act in track(acts, "episodes", console=stderr, disable=not stderr.is_terminal):
             views = [view_entry(entry, options.seed) for entry in act]
             if options.saliency and any(view.sees_numbers for view in views):
                 raise ConfigError("--saliency: allowed for networks that see pixels")

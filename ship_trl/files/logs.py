@@ -14,7 +14,7 @@ import re
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -23,7 +23,10 @@ from ship_trl.config.errors import ConfigError, missing_extra
 from ship_trl.files.curve import CURVE, RunError
 from ship_trl.files.disk import read_file
 from ship_trl.files.record import read_run
-from ship_trl.files.table import Cells, rows
+from ship_trl.files.table import rows
+
+if TYPE_CHECKING:
+    import pandas as pd
 
 # Tags of TensorBoard. CleanRL's and Stable-Baselines3's are logged over steps, ours over episodes,
 # with the environment steps as a scalar of their own.
@@ -85,10 +88,9 @@ def read_logs(paths: Sequence[Path], key: str) -> list[LearningCurve]:
     found = []
     for run, files in runs.items():
         name = str(files[0] if len(files) == 1 else files[0].with_name(run.name))
-        if EVENTS in run.name:
-            found.append(make_curve(name, read_events(files, key)))
-        elif run.name == WORKERS:
-            found.append(make_curve(name, read_workers(files, key)))
+        if EVENTS in run.name or run.name == WORKERS:
+            read = read_events if EVENTS in run.name else read_workers
+            found.append(make_curve(name, read(files, key)))
         else:
             found += read_csv(files[0], key)
     for curve in found:
@@ -107,14 +109,16 @@ def make_curve(name: str, points: Numbers) -> LearningCurve:
     return LearningCurve(name, points[begun, 0], points[begun, 1])
 
 
-def read_rows(path: Path, key: str) -> tuple[str, list[tuple[int, Cells]]]:
-    """Read a CSV file: its first line if it begins with #, as a monitor's does, and numbered rows."""
+def read_cells(path: Path, key: str) -> tuple[str, pd.DataFrame]:
+    """Read a CSV file: its first line if it begins with #, as a monitor's does, and its cells as text."""
+    import pandas as pd
+
     if path.suffix == ".npz":
         raise ConfigError(f"{key}: {path} has no training returns, only evaluations; allowed: {KINDS}")
     try:
         data = read_file(path).removeprefix(codecs.BOM_UTF8)
         comment = data.partition(b"\n")[0].decode() if data.startswith(b"#") else ""
-        table = rows(data, ())
+        table = pd.DataFrame([cells for _, cells in rows(data, ())])
         # These end with a line's end; a last line without one may have lost digits.
         if (comment or path.name in (CURVE, "progress.csv")) and not data.endswith(b"\n"):
             raise ValueError(f"line {len(data.splitlines())} is cut")
@@ -123,16 +127,12 @@ def read_rows(path: Path, key: str) -> tuple[str, list[tuple[int, Cells]]]:
     return comment, table
 
 
-def to_numbers(path: Path, table: Sequence[tuple[int, Cells]], columns: Sequence[str], key: str) -> Numbers:
+def to_numbers(path: Path, cells: pd.DataFrame, columns: Sequence[str], key: str) -> Numbers:
     """Return the numbers in columns of a table, [rows, columns]."""
-    found = np.empty((len(table), len(columns)))
-    for k, (line, row) in enumerate(table):
-        try:
-            found[k] = [float(row[name]) for name in columns]
-        except (KeyError, ValueError):
-            told = f"no numbers {' and '.join(columns)} in line {line}: {list(row.values())}"
-            raise ConfigError(f"{key}: {path} has {told}") from None
-    return found
+    try:
+        return cells.reindex(columns=list(columns)).fillna("").to_numpy().astype(np.float64)
+    except ValueError as error:
+        raise ConfigError(f"{key}: {path}, columns {' and '.join(columns)}: {error}") from None
 
 
 def read_workers(paths: Sequence[Path], key: str) -> Numbers:
@@ -142,18 +142,16 @@ def read_workers(paths: Sequence[Path], key: str) -> Numbers:
         ConfigError: a worker is left out, or they did not work at the same time.
     """
     folder, names = paths[0].parent, {path.name for path in paths}
-    for one in folder.iterdir():
-        if WORKER.fullmatch(one.name) and one.name not in names:
-            allowed = f"all workers of a run, {folder / WORKERS}"
-            raise ConfigError(f"{key}: {one} is left out; allowed: {allowed}")
-    parts, starts = [], []
+    if left_out := sorted({one.name for one in folder.iterdir() if WORKER.fullmatch(one.name)} - names):
+        allowed = f"all workers of a run, {folder / WORKERS}"
+        raise ConfigError(f"{key}: {folder / left_out[0]} is left out; allowed: {allowed}")
+    parts, starts = [np.empty((0, 3))], []
     for path in paths:
-        comment, table = read_rows(path, key)
-        part = to_numbers(path, table, (*MONITOR, SECONDS), key)
-        if len(paths) == 1:
-            return sum_lengths(part)
+        comment, cells = read_cells(path, key)
+        part, start = to_numbers(path, cells, (*MONITOR, SECONDS), key), 0.0
         try:
-            start = float(json.loads(comment[1:])["t_start"])
+            if len(paths) > 1:
+                start = float(json.loads(comment[1:])["t_start"])
             if (np.diff(part[:, 2]) < 0).any():
                 raise ValueError
         except (KeyError, TypeError, ValueError):
@@ -162,10 +160,10 @@ def read_workers(paths: Sequence[Path], key: str) -> Numbers:
         if len(part):
             parts.append(part + np.array([0, 0, start]))
             starts.append(start)
-    if parts and max(starts) > min(part[-1, 2] for part in parts):
+    if starts and max(starts) > min(part[-1, 2] for part in parts[1:]):
         told = f"{folder / WORKERS} are not workers of one run, as one began after another's end"
         raise ConfigError(f"{key}: {told}; allowed: a folder for each run")
-    episodes = np.concatenate([np.empty((0, 3)), *parts])
+    episodes = np.concatenate(parts)
     return sum_lengths(episodes[np.argsort(episodes[:, 2], kind="stable")])
 
 
@@ -176,11 +174,11 @@ def sum_lengths(episodes: Numbers) -> Numbers:
 
 def read_csv(path: Path, key: str) -> list[LearningCurve]:
     """Read a CSV file; without a column of runs it is one run."""
-    comment, table = read_rows(path, key)
-    names = list(table[0][1]) if table else []
+    comment, cells = read_cells(path, key)
+    names = [str(name) for name in cells]
     columns = {kind: [one for one in names if one.strip().lower() in words] for kind, words in NAMES.items()}
     if set(MONITOR) <= set(names) and (comment or not columns["step"]):
-        return [make_curve(str(path), sum_lengths(to_numbers(path, table, MONITOR, key)))]
+        return [make_curve(str(path), sum_lengths(to_numbers(path, cells, MONITOR, key)))]
     for kind, fitting in columns.items():
         if len(fitting) > 1:
             told = f"{' and '.join(fitting)}, of which each may be the {kind}"
@@ -189,27 +187,25 @@ def read_csv(path: Path, key: str) -> list[LearningCurve]:
         is_chart = any(" - " in name for name in names)
         got = "a chart of wandb, a sample over its own count" if is_chart else ", ".join(names) or "no rows"
         raise ConfigError(f"{key}: {path} has {got}; allowed: {KINDS}")
-    is_ours = columns["return"][0].strip().lower() == OURS
-    over_episodes = is_ours and columns["step"][0].strip().lower() != STEPS
+    step, reward = columns["step"][0], columns["return"][0]
+    over_episodes = reward.strip().lower() == OURS and step.strip().lower() != STEPS
     if over_episodes or re.search("tag-(train|greedy).return", path.name):
         raise ConfigError(f"{key}: {path} counts episodes; allowed: the run's {CURVE}")
     # Blank are the evaluations of a `curve.csv`, and what a logger wrote at other steps.
-    filled = [(line, row) for line, row in table if row[columns["return"][0]]]
-    points = to_numbers(path, filled, (columns["step"][0], columns["return"][0]), key)
-    runs = np.array([row[columns["run"][0]] if columns["run"] else "" for _, row in filled])
+    filled = cells[cells[reward] != ""]
+    by_run = filled.groupby(columns["run"], sort=False) if columns["run"] else [(("",), filled)]
     curves = [
-        make_curve(f"{path} {run}".strip(), points[runs == run]) for run in dict.fromkeys(runs.tolist())
+        make_curve(f"{path} {run}".strip(), to_numbers(path, own, (step, reward), key))
+        for (run,), own in by_run
     ]
-    return [add_own(curves[0], path, table, key)] if path.name == CURVE and len(curves) == 1 else curves
+    return [add_own(curves[0], path, cells, key)] if path.name == CURVE and len(curves) == 1 else curves
 
 
-def add_own(curve: LearningCurve, path: Path, table: Sequence[tuple[int, Cells]], key: str) -> LearningCurve:
+def add_own(curve: LearningCurve, path: Path, cells: pd.DataFrame, key: str) -> LearningCurve:
     """Add what our `curve.csv`, and the result beside it if there is one, say besides returns."""
-    try:
-        rates = np.array([float(row[SUCCESS]) for _, row in table if row.get(SUCCESS)])
-    except ValueError:
-        raise ConfigError(f"{key}: {path} has a {SUCCESS} that is no number") from None
-    curve = replace(curve, success_rates=rates)
+    if SUCCESS in cells:
+        rates = to_numbers(path, cells[cells[SUCCESS] != ""], (SUCCESS,), key)[:, 0]
+        curve = replace(curve, success_rates=rates)
     try:
         result = read_run(path.parent)
     except RunError:
@@ -231,9 +227,8 @@ def read_events(paths: Sequence[Path], key: str) -> Numbers:
     parts = [part for path in paths if (part := read_scalars(path, key)) is not None]
     if not parts:
         raise ConfigError(f"{key}: {paths[0]} has none of the scalars {', '.join(TAGS)}")
-    parts.sort(key=lambda part: float(part[0, 2]))
-    points = parts[0]
-    for part in parts[1:]:
+    points, *later = sorted(parts, key=lambda part: float(part[0, 2]))
+    for part in later:
         if part[0, 2] < points[-1, 2]:
             told = f"{paths[0].parent} holds event files of several runs at the same time"
             raise ConfigError(f"{key}: {told}; allowed: a folder for each run")
@@ -249,8 +244,7 @@ def read_scalars(path: Path, key: str) -> Numbers | None:
         raise ConfigError(f"{key}: {missing_extra('tensorboard', 'tensorboard')}") from None
     log: Any = EventAccumulator(str(path), {"scalars": 0})
     log.Reload()
-    tags = log.Tags()["scalars"]
-    found = [tag for tag in TAGS if tag in tags]
+    found = [tag for tag in TAGS if tag in (tags := log.Tags()["scalars"])]
     if len(found) > 1:
         raise ConfigError(f"{key}: {path} has {' and '.join(found)}; allowed: one of them")
     if not found:
@@ -261,6 +255,5 @@ def read_scalars(path: Path, key: str) -> Numbers | None:
         if any(one.step not in steps for one in scalars):
             told = f"counts {OURS} over something else than environment steps"
             raise ConfigError(f"{key}: {path} {told}; allowed: the run's {CURVE}")
-    return np.array(
-        [(steps.get(one.step, one.step), one.value, one.wall_time) for one in scalars], np.float64
-    )
+    points = [(steps.get(one.step, one.step), one.value, one.wall_time) for one in scalars]
+    return np.array(points, np.float64)

@@ -16,7 +16,7 @@ from pydantic import Field
 
 from ship_trl.config.arm import Arm
 from ship_trl.config.errors import ConfigError
-from ship_trl.config.schema import read_as
+from ship_trl.config.schema import adapter_of, read_as
 from ship_trl.files.curve import CURVE, RunError, read_curve, split
 from ship_trl.files.disk import atomic_write, read_json
 
@@ -214,14 +214,11 @@ class RunRecord:
 
     def to_json(self) -> dict[str, Any]:
         """Return the values that the file holds."""
-        values = {name: getattr(self, name) for name in FIELDS}
-        for key, value in values.items():
-            if isinstance(value, Evaluation):
-                own = dataclasses.asdict(value)
-                values[key] = {"return": own.pop("episode_return")} | own
-            elif isinstance(value, SourceReturns):
-                values[key] = dataclasses.asdict(value)
-        return values
+        left_out: Any = {0: set(PLACE)}
+        found: dict[str, Any] = adapter_of(RunRecord).dump_python(
+            [self], by_alias=True, exclude=left_out, warnings=False
+        )[0]
+        return found
 
     def write(self, folder: Path) -> None:
         """Write the file into a folder, atomically."""
@@ -275,15 +272,14 @@ def from_json(values: Any) -> RunRecord:
 
 def from_cells(row: dict[str, str]) -> RunRecord:
     """Make a record of a table's cells, or raise a RunError."""
-    values: dict[str, Any] = {}
-    for key, cell in row.items():
+    values: dict[str, Any] = {"draws": []}
+    for key, cell in ((key, from_cell(cell)) for key, cell in row.items() if cell):
         outer, _, inner = key.partition(".")
-        if cell and inner:
-            values.setdefault(outer, {})[inner] = from_cell(cell)
-        elif cell:
-            values[outer] = from_cell(cell)
-    part = str(values.pop("part"))
-    return replace(from_json(values | {"draws": []}), part=part)
+        if inner:
+            values.setdefault(outer, {})[inner] = cell
+        else:
+            values[outer] = cell
+    return replace(from_json(values), part=str(values["part"]))
 
 
 def as_cell(value: Any) -> str:

@@ -7,7 +7,7 @@ import time
 from collections.abc import Callable, Container, Iterable, Iterator, Sequence
 from contextlib import contextmanager
 from pathlib import Path
-from typing import TYPE_CHECKING, TypeVar
+from typing import TYPE_CHECKING
 
 from filelock import FileLock, Timeout
 from rich import box
@@ -165,11 +165,8 @@ def show_result(result: RunRecord, title: str, folder: Path, is_course_best: boo
 
 # Apart from what a command prints, which may be piped.
 stderr = Console(stderr=True)
-Item = TypeVar("Item")
 # Shows the share of the work that is done.
 Show = Callable[[float], None]
-# Share of the work and least seconds between two lines of `show_share`.
-INTERVAL, LINE_SECONDS = 0.05, 5.0
 
 
 def format_duration(seconds: float) -> str:
@@ -207,29 +204,12 @@ def time_left(bar: Progress) -> str:
 
 
 @contextmanager
-def show_share(label: str, of: int = 0) -> Iterator[Show]:
-    """Yield a function that shows progress: a bar in a terminal, else lines in percent or `of` items."""
-    lines, plain = Lines(INTERVAL, apart=LINE_SECONDS), not stderr.is_terminal
+def show_share(label: str) -> Iterator[Show]:
+    """Yield a function that shows the share of the work that is done, as a bar in a terminal."""
     columns = TextColumn(label), BarColumn(bar_width=20), TaskProgressColumn(), TimeRemainingColumn()
-    with Progress(*columns, console=stderr, disable=plain, speed_estimate_period=PACE_SECONDS) as bar:
+    with Progress(*columns, console=stderr, disable=not stderr.is_terminal) as bar:
         task = bar.add_task(label, total=1.0)
-
-        def show(share: float) -> None:
-            bar.update(task, completed=share)
-            if plain and lines.due(share):
-                words = f"{round(share * of)} of {of}" if of else f"{share:.0%}"
-                stderr.print(f"{label}: {words} done{time_left(bar)}", highlight=False)
-
-        yield show
-
-
-def track(label: str, items: Sequence[Item]) -> Iterator[Item]:
-    """Yield the items, and show how many are done."""
-    with show_share(label, len(items)) as show:
-        for done, item in enumerate(items):
-            if done:
-                show(done / len(items))
-            yield item
+        yield lambda share: bar.update(task, completed=share)
 
 
 def show(

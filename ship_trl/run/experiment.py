@@ -1,32 +1,50 @@
-"""One run: source network, transfer, training until it ends or a signal stops it, result."""
+"""One run: source network, transfer, training until it ends or a signal stops it, its files and result."""
 
 from __future__ import annotations
 
+import contextlib
+import dataclasses
 import shutil
 import time
 from collections.abc import Iterator
 from pathlib import Path
 
+import numpy as np
 import torch
+from numpy.typing import NDArray
 
+from ship_trl import __version__
+from ship_trl.config.arm import SCRATCH
 from ship_trl.config.errors import ConfigError
-from ship_trl.files.curve import CURVE
+from ship_trl.config.network import non_default_network
+from ship_trl.files.curve import CURVE, RunError
 from ship_trl.files.disk import sync
-from ship_trl.files.record import RunRecord
+from ship_trl.files.record import SCHEMA_VERSION, RunRecord, SourceReturns, read_run
 from ship_trl.learn.algorithm import DivergedError
 from ship_trl.learn.train import Evaluated, Finished, Training
-from ship_trl.policies.reference import best_known_return, is_course_best
+from ship_trl.policies import pretrained
+from ship_trl.policies.reference import best_known_return, is_course_best, random_return
 from ship_trl.run import console
 from ship_trl.run.checkpoint import Checkpoints
-from ship_trl.run.conclude import make_result, retain, write_files
-from ship_trl.run.history import History, to_row
-from ship_trl.run.plan import CHECKPOINTS, Run, find_result
-from ship_trl.run.process import Stop, StoppedError, configure_process, release_memory, stop_on_signal
-from ship_trl.run.setup import Source, make_parts, read_source
+from ship_trl.run.history import History, to_evaluation, to_row
+from ship_trl.run.plan import ALGORITHM_VERSION, CHECKPOINTS, Run, find_result, hash_of
+from ship_trl.run.process import (
+    Stop,
+    StoppedError,
+    configure_process,
+    processor_name,
+    release_memory,
+    stop_on_signal,
+)
+from ship_trl.run.setup import Parts, Source, make_parts, read_source
 from ship_trl.run.trackers import Trackers
 from ship_trl.sim.cases import shadowing_file
-from ship_trl.transfer.casebase import PLANS, POLICY, CaseBase, StoredNetwork
+from ship_trl.sim.state import first_case
+from ship_trl.sim.suites import describe
+from ship_trl.transfer.casebase import PLANS, POLICY, POLICY_LAST, CaseBase, StoredNetwork
 from ship_trl.transfer.weights import save_weights
+from ship_trl.view.charts import draw_curve, draw_transfer
+from ship_trl.view.film import write_gif
 
 # Cases whose best known plan is searched for, which takes a minute or more of each.
 MAX_SEARCHES = 10
@@ -174,3 +192,112 @@ def save_best(run: Run, history: History) -> None:
     if history.rows:
         about = {"config_hash": run.config_hash, "episode": history.best["episode"]}
         save_weights(run.folder / POLICY, history.network, about)
+
+
+def write_files(run: Run, parts: Parts, known: float | None) -> None:
+    """Write the last network and the pictures into the run's folder; `known` is the best known return."""
+    history, config, folder = parts.history, run.config, run.folder
+    about = {"config_hash": run.config_hash, "episode": config.learn.episodes}
+    save_weights(folder / POLICY_LAST, parts.algorithm.network, about)
+    draw_curve(folder / "curve.png", history.rows, known, run.title)
+    if parts.origin is not None and (scratch := scratch_returns(run)) is not None:
+        returns = [row["return"] for row in history.finished]
+        draw_transfer(folder / console.TRANSFER, config.arm_label, returns, scratch, known, run.title)
+    origin = "" if run.arm.is_scratch else f" from {describe(str(config.source))}"
+    suite = f", suite {run.target.name}" if len(run.target.cases) > 1 else ""
+    title = f"{config.arm_label}{origin}, seed {config.seed}{suite}"
+    best, network = parts.evaluate(history.network)[0], history.network
+    case, rasteriser = first_case(run.target, best.states[0]), parts.eval_env.rasteriser
+    write_gif(folder / "episode.gif", case, config.world, best, rasteriser, title, network)
+
+
+def scratch_returns(run: Run) -> NDArray[np.float64] | None:
+    """Return raw training returns [S, E] of runs from scratch that differ only in the transfer and the seed.
+
+    They are in the run's output folder or among the bundled curves; None if there are none.
+    """
+    scratch, manifest = run.config.with_arm(SCRATCH), pretrained.read()
+
+    def digest(seed: int, version: int | None = None) -> str:
+        config = dataclasses.replace(scratch, seed=seed)
+        return hash_of(config, run.target, None, demonstrations=run.demonstrations, version=version)
+
+    curves: dict[str, NDArray[np.float64]] = {}
+    for label in sorted({run.config.label, run.target.name}):
+        for folder in sorted((Path(scratch.output) / label / scratch.arm_label).glob("seed=*")):
+            with contextlib.suppress(RunError):
+                found = read_run(folder)
+                returns = found.training.returns if found.config_hash == digest(found.seed) else ()
+                # A copied curve may be truncated at the end of a line.
+                if len(returns) == scratch.learn.episodes:
+                    curves[found.config_hash] = np.asarray(returns)
+    seeds = {one["seed"] for one in manifest["runs"]}
+    bundled = {digest(seed, manifest["algorithm_version"]) for seed in seeds}
+    for name, rows in pretrained.training_returns(bundled).groupby("config_hash", sort=False):
+        curves.setdefault(str(name), rows["return"].to_numpy())
+    return np.stack(list(curves.values())) if curves else None
+
+
+def make_result(run: Run, parts: Parts, known: float | None, seconds: float) -> RunRecord:
+    """Make the result of a training that took `seconds`."""
+    history, config = parts.history, run.config
+    outcomes = [row["outcome"] for row in history.finished]
+    return RunRecord(
+        folder=run.folder,
+        pair=config.label,
+        source=None if run.arm.is_scratch else str(config.source),
+        target=str(config.target),
+        **run.arm.keys,
+        arm=config.arm_label,
+        seed=config.seed,
+        profile=config.profile,
+        config_hash=run.config_hash,
+        source_network=parts.origin,
+        best_known_return=known,
+        random_return=random_return(run.target, config.world, fast=config.fast),
+        scratch=to_evaluation(to_row(Evaluated(0, 0, parts.scratch))),
+        before=to_evaluation(history.evaluated[0]),
+        best=to_evaluation(history.best),
+        final=to_evaluation(history.evaluated[-1]),
+        draws=parts.draws,
+        episodes=config.learn.episodes,
+        steps=parts.training.steps,
+        training_goal_rate=outcomes.count("goal") / len(outcomes),
+        training_collision_rate=outcomes.count("collision") / len(outcomes),
+        device=str(parts.eval_env.device),
+        precision=str(parts.algorithm.dtype).removeprefix("torch."),
+        backend=parts.algorithm.backend,
+        algorithm_version=ALGORITHM_VERSION,
+        schema_version=SCHEMA_VERSION,
+        ship_trl=__version__,
+        torch=torch.__version__,
+        processor=processor_name(),
+        seconds=round(seconds, 1),
+        teacher=parts.teacher,
+        on_source=measure_source(run, parts),
+    )
+
+
+def measure_source(run: Run, parts: Parts) -> SourceReturns | None:
+    """Return what a transfer kept of its source; None if it was not measured from the start."""
+    check, suite, rows = parts.source_check, run.source_suite, parts.history.evaluated
+    if check is None or suite is None:
+        return None
+    config = run.config
+    return SourceReturns(
+        network=check.source_return,
+        before=rows[0]["source_return"],
+        best=check.measure(parts.history.network),
+        final=rows[-1]["source_return"],
+        random=random_return(suite, config.world, fast=config.fast),
+        best_known=best_known_return(suite, config.world, Path(config.case_base) / PLANS),
+    )
+
+
+def retain(run: Run, result: RunRecord) -> StoredNetwork:
+    """Store a finished run's network in the case base, for later targets (section 4.2)."""
+    values, config = result.to_json(), run.config
+    scores = {key: values[key] for key in ("best", "final", "best_known_return")}
+    named = run.target, run.entry_arm, config.seed, run.config_hash
+    network = non_default_network(config.network)
+    return CaseBase(Path(config.case_base)).retain(*named, scores, run.folder, network)

@@ -55,22 +55,32 @@ def make_cases(folder: Path, runs: Path) -> None:
     """
     import pandas as pd
 
+    from ship_trl.policies.reference import best_known
     from ship_trl.run.process import configure_process
 
-    cases = sorted(one.target for one in networks())
+    world, cases = load_world(), sorted(one.target for one in networks())
     train(runs, SEEDS, f"target={','.join(cases)}")
     configure_process()
     written, kept, curves = [], [], []
-    for case in cases:
-        paths = [runs / case / "scratch" / f"seed={seed}" for seed in SEEDS]
-        found = [read_trained(path) for path in paths]
+    for case in (load_case(name, world) for name in cases):
+        found = [read_trained(runs / case.name / "scratch" / f"seed={seed}") for seed in SEEDS]
         for run in found:
             about = {"case": run.target, "seed": run.seed, "config_hash": run.config_hash}
             kept.append(about | {"best_return": run.best.episode_return})
             rows = split(run.curve)[0][["episode", "return"]].round({"return": 2})
             curves.append(rows.assign(config_hash=run.config_hash))
         # On ties `max` finds the first, which has the lower seed.
-        one = write_network(folder, max(found, key=lambda run: run.best.episode_return))
+        best = max(found, key=lambda run: run.best.episode_return)
+        (whole,), _, values = write_weights(folder, case.name, best, suite_of(case))
+        one = CaseNetwork(
+            **values,
+            fingerprint=case.fingerprint,
+            episode_return=whole.episode_return,
+            of_best_known=round(whole.episode_return / best_known(case, world).episode_return, 4),
+            outcome=whole.outcome,
+            length=whole.length,
+            dcpa=whole.dcpa if math.isfinite(whole.dcpa) else None,
+        )
         sys.stdout.write(
             f"case {one.name}: seed {one.seed}, return {one.episode_return:.1f}, "
             f"{one.of_best_known:.0%} of the best known, {one.outcome}, {one.dtype}\n"
@@ -93,7 +103,7 @@ def make_suites(folder: Path, runs: Path) -> None:
     from ship_trl.run.process import configure_process
 
     configure_process()
-    written = []
+    suites, written = {test: load_suite(test, load_world()) for test in TESTS}, []
     for name, (seeds, words) in SUITES.items():
         # A second network has an output folder of its own.
         output = runs if name == TRAFFIC else runs / name
@@ -103,10 +113,17 @@ def make_suites(folder: Path, runs: Path) -> None:
         found = {seed: read_trained(place / f"seed={seed}") for seed in seeds}
         rates = {str(seed): run.best.success_rate for seed, run in found.items()}
         # On ties `max` finds the first, which has the lower seed.
-        best = max(found, key=lambda seed: rates[str(seed)])
-        one = write_suite(folder, name, found[best], rates)
-        reached = ", ".join(f"{rate:.1%} of {suite}" for suite, rate in one.success_rates.items())
-        sys.stdout.write(f"{name}: seed {one.seed}, success in {reached}, {one.dtype}\n")
+        best = found[max(found, key=lambda seed: rates[str(seed)])]
+        _, network, values = write_weights(folder, name, best, suites[TESTS[0]])
+        reached = {}
+        for test, suite in suites.items():
+            episodes, _ = rollout_greedy(suite, folder / f"{name}.safetensors")
+            reached[test] = sum(episode.goal for episode in episodes) / len(episodes)
+        one = SuiteNetwork(
+            **values, observation=network.observes, success_rates=reached, success_rates_by_seed=rates
+        )
+        told = ", ".join(f"{rate:.1%} of {suite}" for suite, rate in reached.items())
+        sys.stdout.write(f"{name}: seed {one.seed}, success in {told}, {one.dtype}\n")
         written.append(asdict(one))
     update_manifest(folder, suites=written)
 
@@ -120,49 +137,13 @@ def update_manifest(folder: Path, **values: Any) -> None:
 
 
 def read_trained(folder: Path) -> RunRecord:
-    """Read a run with its curve.
-
-    Raises:
-        ConfigError: a file is missing, damaged or incomplete.
-    """
+    """Read a run with its curve, or raise a ConfigError."""
     try:
         run = read_run(folder)
         run.curve  # noqa: B018
         return run
     except RunError as error:
         raise ConfigError(f"runs: {folder}: {error}") from None
-
-
-def write_network(folder: Path, run: RunRecord) -> CaseNetwork:
-    """Write the best network of a case's run as `CASE.safetensors`; return its entry in the manifest."""
-    from ship_trl.policies.reference import best_known
-
-    world = load_world()
-    case = load_case(run.target, world)
-    (whole,), _, about = write_weights(folder, case.name, run, suite_of(case))
-    return CaseNetwork(
-        **about,
-        fingerprint=case.fingerprint,
-        episode_return=whole.episode_return,
-        of_best_known=round(whole.episode_return / best_known(case, world).episode_return, 4),
-        outcome=whole.outcome,
-        length=whole.length,
-        dcpa=whole.dcpa if math.isfinite(whole.dcpa) else None,
-    )
-
-
-def write_suite(folder: Path, name: str, run: RunRecord, rates: dict[str, float]) -> SuiteNetwork:
-    """Write the best network of a suite's runs as `NAME.safetensors`; return its entry in the manifest."""
-    world = load_world()
-    suites = {test: load_suite(test, world) for test in TESTS}
-    _, network, about = write_weights(folder, name, run, suites[TESTS[0]])
-    reached = {}
-    for test, suite in suites.items():
-        episodes, _ = rollout_greedy(suite, folder / f"{name}.safetensors")
-        reached[test] = sum(episode.goal for episode in episodes) / len(episodes)
-    return SuiteNetwork(
-        **about, observation=network.observes, success_rates=reached, success_rates_by_seed=rates
-    )
 
 
 def write_weights(

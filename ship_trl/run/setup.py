@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import hashlib
 import math
-from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import cache
 from pathlib import Path
@@ -108,18 +107,17 @@ def make_parts(run: Run, device: torch.device, source: Source | None) -> Parts:
     # the device that uses them, as torch demands.
     devices = {"weights": torch.device("cpu"), "exploration": device, "replay": device}
     streams = {name: Generator(device=at).manual_seed(run.stream(name)) for name, at in devices.items()}
-    drawn = Generator().manual_seed(run.stream("evaluation"))
+    drawn, starts = (Generator().manual_seed(run.stream(name)) for name in ("evaluation", "starts"))
     begun = make_starts(run.target, world).balanced(run.evaluation_episodes, drawn)
     eval_env = make_run_env(run, run.target, device, starts=begun)
-    draw = eval_env.observer(config.network)
-    actions = len(world.actions)
-    network = make_network(config.network, actions, streams["weights"], colour=config.colour)
-    network.to(device)
+    draw, actions = eval_env.observer(config.network), len(world.actions)
+    network = make_network(config.network, actions, streams["weights"], colour=config.colour).to(device)
     scratch = rollout(eval_env, greedy_policy(network, draw))
     method = make_method(run.arm, config.transfer)
     if source is not None:
         if FORMS[run.arm.method].uses_function:
-            method.attach(make_origin(run, network, source, draw, eval_env, scratch))
+            fixed = fixed_copy(network, source.weights)
+            method.attach(make_origin(run, fixed, eval_env, mean_return(scratch)))
         method.copy(network, source.weights)
     teacher = find_teacher(config)
     setup = Setup(
@@ -136,7 +134,6 @@ def make_parts(run: Run, device: torch.device, source: Source | None) -> Parts:
         accelerator=accelerator(config.fast),
     )
     algorithm = build_algorithm(setup)
-    starts = Generator().manual_seed(run.stream("starts"))
     given: dict[str, Any] = {"encoders": algorithm.encoders, "generator": starts, "margin": config.margin}
     env = make_run_env(run, run.target, device, num_envs=learn.num_envs, **given)
     show_demonstrations(run, env, algorithm)
@@ -156,27 +153,19 @@ def make_parts(run: Run, device: torch.device, source: Source | None) -> Parts:
     )
 
 
-def make_origin(
-    run: Run,
-    network: DuelingNetwork,
-    source: Source,
-    draw: Draw,
-    eval_env: ShipEnv,
-    scratch: Sequence[Episode],
-) -> Origin:
-    """Make what methods need of the source's function; `scratch` are of the untrained network."""
-    fixed, device = fixed_copy(network, source.weights), eval_env.device
-    found = rollout(eval_env, greedy_policy(fixed, draw))
-    generator = Generator(device=device).manual_seed(run.stream("source's actions"))
+def make_origin(run: Run, source: DuelingNetwork, env: ShipEnv, untrained: float) -> Origin:
+    """Make what methods need of the source's function; `untrained` is an untrained network's return."""
+    draw = env.observer(run.config.network)
+    generator = Generator(device=env.device).manual_seed(run.stream("source's actions"))
     scale = run.config.learn.reward_scale
     # A source that this run trains has the run's own scale; of a file it is unknown.
     source_scale = scale if run.pretrained is None else REWARD_SCALE
-    reached, untrained = mean_return(found), mean_return(scratch)
+    reached = mean_return(rollout(env, greedy_policy(source, draw)))
     if run.arm.method is TransferMethodName.qdagger and reached <= untrained:
         console.say(
             f"the source returns {reached:.1f} here, an untrained network {untrained:.1f}: no pull to it"
         )
-    return Origin(fixed, draw, generator, reached, untrained, source_scale, scale)
+    return Origin(source, draw, generator, reached, untrained, source_scale, scale)
 
 
 def show_demonstrations(run: Run, env: ShipEnv, algorithm: Algorithm) -> None:
@@ -209,20 +198,17 @@ def measure_jumpstart(run: Run, algorithm: Algorithm, draw: Draw, eval_env: Ship
 
     Of a suite, each draw has one episode, with a start of its own.
     """
-    config = run.config
-    count, network = config.learn.jumpstart_draws, algorithm.network
+    count, network = run.config.learn.jumpstart_draws, algorithm.network
     copied = run.arm.copied(network.all_layers, network.layer_names)
     if count == 0:
         return []
     if len(copied) == len(network.all_layers) or network.reused is not None:
         # The other layers, if any, change nothing before training.
-        episodes = rollout(eval_env, algorithm.greedy)
-        return [mean_return(episodes)]
-    batch = min(count, JUMPSTART_BATCH)
+        return [mean_return(rollout(eval_env, algorithm.greedy))]
     starts, generator = (Generator().manual_seed(run.stream(name)) for name in ("draw starts", "jumpstart"))
-    place = {"colour": config.colour, "device": eval_env.device, "fast": config.fast}
-    env = make_env(run.target, config.world, batch, generator=starts, **place)
-    return jumpstart(env, draw, algorithm.network, copied, count, generator)
+    given: dict[str, Any] = {"num_envs": min(count, JUMPSTART_BATCH), "generator": starts}
+    env = make_run_env(run, run.target, eval_env.device, **given)
+    return jumpstart(env, draw, network, copied, count, generator)
 
 
 # Evaluations on the source in a run, evenly, the first and the last included. They take about 1 % of a run of
@@ -284,24 +270,24 @@ class SourceCheck:
         """Return the mean greedy return of a network on the source."""
         return mean_return(rollout(self.env, greedy_policy(network, self.draw)))
 
-    def is_due(self, episode: int) -> bool:
-        """Return whether the evaluation after `episode` training episodes is one of those to measure."""
-        last, number = (math.ceil(n / self.learn.evaluate_every) for n in (self.learn.episodes, episode))
-        steps = min(MAX_EVALUATIONS - 1, last)
-        return number == 0 or number * steps // last > (number - 1) * steps // last
-
     def add(self, row: Row, network: DuelingNetwork) -> Row:
         """Add the return on the source to the row of an evaluation of `network`, if it is due."""
-        is_due = "greedy_return" in row and self.is_due(row["episode"])
+        is_due = "greedy_return" in row and is_measured(row["episode"], self.learn)
         return row | {"source_return": self.measure(network)} if is_due else row
+
+
+def is_measured(episode: int, learn: Schedule) -> bool:
+    """Return whether the evaluation after `episode` training episodes is measured on the source too."""
+    last, number = (math.ceil(n / learn.evaluate_every) for n in (learn.episodes, episode))
+    steps = min(MAX_EVALUATIONS - 1, last)
+    return number == 0 or number * steps // last > (number - 1) * steps // last
 
 
 def make_run_env(run: Run, suite: Suite, device: torch.device, **given: Any) -> ShipEnv:
     """Make an environment with the settings of a run and those that are `given`."""
     config = run.config
-    look: dict[str, Any] = {"colour": config.colour, "vector_time": config.network.vector_time}
-    given |= look | {"device": device, "fast": config.fast}
-    return make_env(suite, config.world, **given)
+    given |= {"colour": config.colour, "vector_time": config.network.vector_time}
+    return make_env(suite, config.world, device=device, fast=config.fast, **given)
 
 
 def make_source_check(run: Run, source: Source | None, device: torch.device) -> SourceCheck | None:

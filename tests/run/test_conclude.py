@@ -7,7 +7,7 @@ from PIL import Image
 
 from ship_trl.files.curve import read_curve, split
 from ship_trl.grid.compose import compose_config
-from ship_trl.run.conclude import scratch_returns
+from ship_trl.run.experiment import scratch_returns
 from ship_trl.run.plan import Run, make_run
 from tests.command import ship_trl
 

@@ -86,18 +86,6 @@ def test_a_study_without_a_terminal_prints_lines(
     assert second.endswith(f"; now {job.label} {job.arm} {job.seed}")
 
 
-def test_things_in_turn_leave_a_line_each_where_there_is_no_terminal(
-    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
-) -> None:
-    monkeypatch.setattr(console, "LINE_SECONDS", 0.0)
-    assert list(console.track("episodes", ["a", "b", "c"])) == ["a", "b", "c"]
-    printed = capsys.readouterr()
-    lines = [line.split(",")[0] for line in printed.err.splitlines()]
-    assert lines == ["episodes: 1 of 3 done", "episodes: 2 of 3 done"] and printed.out == ""
-    assert list(console.track("episodes", ["a"])) == ["a"]
-    assert capsys.readouterr().err == ""
-
-
 WORDS = st.text(st.characters(codec="ascii", categories=("L", "N", "P")), min_size=1, max_size=12)
 CELLS = st.lists(WORDS, min_size=1, max_size=4).map(" ".join)
 

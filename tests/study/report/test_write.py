@@ -2,7 +2,6 @@
 
 import csv
 import os
-import re
 import resource
 import shutil
 import subprocess
@@ -14,10 +13,8 @@ import numpy as np
 import pytest
 
 from ship_trl.files.record import SourceReturns
-from ship_trl.run import console
 from ship_trl.study.metrics import LATER
 from ship_trl.study.report import write
-from ship_trl.study.study import Study
 from tests.command import ROOT, files
 from tests.command import report as main
 from tests.study.report.conftest import GONE, STAYING, Reported
@@ -191,20 +188,3 @@ def test_a_report_never_goes_into_the_studys_own_folder(
         main([str(reported.folder), "--output", str(reported.folder / "report/..")])
     assert caught.value.code == 1
     assert "is the study's own folder" in capsys.readouterr().err
-
-
-def test_a_report_shows_how_far_it_is(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
-) -> None:
-    monkeypatch.setattr(console, "LINE_SECONDS", 0.0)
-
-    def draw_half(study: Study, output: Path, show: Callable[[float], None]) -> list[dict[str, str]]:
-        show(0.5)
-        return []
-
-    monkeypatch.setattr(write, "draw_all", draw_half)
-    write_study(tmp_path, seeds=1)
-    main([str(tmp_path)])
-    printed = capsys.readouterr()
-    shares = re.findall(r"^report: (\d+)% done(?:, about .* left)?$", printed.err, re.MULTILINE)
-    assert shares == ["10", "20", "50", "75"] and "done" not in printed.out

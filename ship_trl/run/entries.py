@@ -29,9 +29,6 @@ from ship_trl.sim.cases import load_world
 from ship_trl.sim.suites import Suite, load_suite
 from ship_trl.transfer.casebase import POLICY, POLICY_LAST
 
-# Begin the keys of a perturbation and of a world.
-PERTURBATION, WORLD = "perturbation.", "world."
-
 
 def find_entries(words: list[str], colour: bool) -> list[Entry]:
     """Read the policies that a command line names, each with its target case.
@@ -41,46 +38,41 @@ def find_entries(words: list[str], colour: bool) -> list[Entry]:
     """
     # A path may contain an equals sign, for example seed=0.
     names = [w for w in words if not re.match(r"[\w.]+=", w) or Path(w.rpartition(":")[0] or w).exists()]
-    settings = [word.split("=", 1) for word in words if word not in names]
-    bounds = {
-        key.removeprefix(PERTURBATION): value for key, value in settings if key.startswith(PERTURBATION)
-    }
-    changes = [word.removeprefix(WORLD) for word in words if word not in names and word.startswith(WORLD)]
-    keys = [key for key, _ in settings if not key.startswith((PERTURBATION, WORLD))]
-    if unknown := sorted(key for key in keys if key != "target"):
-        raise ConfigError(f"{unknown[0]}: unknown key; allowed here: target, perturbation.KEY, world.KEY")
-    if len(keys) > 1:
+    given: dict[str, list[str]] = {"target": [], "perturbation": [], "world": []}
+    for word in (word for word in words if word not in names):
+        group, found, rest = word.partition("=" if word.startswith("target=") else ".")
+        if group not in given or not found or (group == "target") != (found == "="):
+            key = word.partition("=")[0]
+            raise ConfigError(f"{key}: unknown key; allowed here: target, perturbation.KEY, world.KEY")
+        given[group].append(rest)
+    if len(given["target"]) > 1:
         raise ConfigError("target: given twice; allowed: target=CASE once, with commas between several cases")
-    perturbation = read_as(Perturbation, bounds, key=PERTURBATION.rstrip("."))
+    bounds = dict(word.split("=", 1) for word in given["perturbation"])
+    perturbation = read_as(Perturbation, bounds, key="perturbation")
     if not names:
         raise ConfigError("policy: none given; see --help for what is allowed")
-    world = read_world(changes)
-    targets = [
-        load_suite(name, world, "target", perturbation)
-        for key, value in settings
-        for name in (value.split(",") if key == "target" else ())
-        if name
-    ]
+    world = read_world(given["world"])
+    suites = [name for value in given["target"] for name in value.split(",") if name]
+    targets = [load_suite(name, world, "target", perturbation) for name in suites]
     folders = [name for name in names if not is_pretrained(name) and Path(name).is_dir()]
     trained = {name: folder_entries(Path(name), targets, perturbation) for name in folders}
+    if trained and given["world"]:
+        raise ConfigError("world: a result folder has its own; allowed with other policies: world.KEY")
     # Runs of two folders may have the same name.
     labels = Counter(label for runs in trained.values() for label in {one.label for one in runs})
-    trained = {
-        name: [replace(one, label=f"{name}: {one.label}") if labels[one.label] > 1 else one for one in runs]
-        for name, runs in trained.items()
-    }
-    if trained and changes:
-        raise ConfigError("world: a result folder has its own; allowed with other policies: world.KEY")
     world = next(iter(trained.values()))[0].world if trained else world
     entries: list[Entry] = []
     for name in names:
         if is_pretrained(name):
             entries += bundled_entries(name, targets, world, perturbation)
         elif name in trained:
-            entries += trained[name]
+            entries += [
+                replace(one, label=f"{name}: {one.label}") if labels[one.label] > 1 else one
+                for one in trained[name]
+            ]
         else:
-            suites = targets or list({one.suite.fingerprint: one.suite for one in entries}.values())
-            entries += named_entries(name, suites, world, colour)
+            own = targets or list({one.suite.fingerprint: one.suite for one in entries}.values())
+            entries += named_entries(name, own, world, colour)
     return entries
 
 
@@ -116,8 +108,7 @@ def read_world(changes: list[str]) -> World:
 def bundled_entries(name: str, targets: list[Suite], world: World, perturbation: Perturbation) -> list[Entry]:
     """Return the bundled networks, on `targets` or each on its own, with the return that each claims."""
     if targets:
-        has_own_case = name != PRETRAINED
-        chosen = [(find(name, None if has_own_case else suite), suite) for suite in targets]
+        chosen = [(find(name, suite if name == PRETRAINED else None), suite) for suite in targets]
     else:
         named: Sequence[Pretrained] = networks() if name == PRETRAINED else [find(name, None)]
         chosen = [(one, load_suite(one.target, world, "target", perturbation)) for one in named]

@@ -65,24 +65,31 @@ def drop_copies(found: Iterable[RunRecord]) -> list[RunRecord]:
 def name_settings(found: Sequence[RunRecord]) -> list[RunRecord]:
     """Return runs with their `changes`: two runs of an arm have the same words if only their seeds differ."""
     known: dict[bytes, dict[str, str]] = {}
-    settings = [read_run_settings(one, known) for one in found]
-    changes = [""] * len(found)
+    runs, settings = list(found), [read_run_settings(one, known) for one in found]
+    # Those of a transfer are compared in the runs of an arm that are alike otherwise.
     for of_transfer in (False, True):
-        groups: dict[tuple[str, ...], dict[int, dict[str, str]]] = {}
-        for k, one in enumerate(found):
-            own = {key: v for key, v in settings[k].items() if key.startswith(OF_TRANSFER) is of_transfer}
-            name = (one.label, one.arm, changes[k]) if of_transfer else (one.label,)
-            groups.setdefault(name, {})[k] = own
+        groups: dict[tuple[str, ...], list[int]] = {}
+        for k, one in enumerate(runs):
+            name = (one.label, one.arm, one.changes) if of_transfer else (one.label,)
+            groups.setdefault(name, []).append(k)
         for group in groups.values():
-            for k, words in zip(group, tell_apart(list(group.values())), strict=True):
-                changes[k] = f"{changes[k]} {words}".strip()
-    return [replace(one, changes=words) for one, words in zip(found, changes, strict=True)]
+            own = [
+                {
+                    key: value
+                    for key, value in settings[k].items()
+                    if key.startswith(OF_TRANSFER) is of_transfer
+                }
+                for k in group
+            ]
+            for k, words in zip(group, tell_apart(own), strict=True):
+                runs[k] = replace(runs[k], changes=f"{runs[k].changes} {words}".strip())
+    return runs
 
 
 def read_run_settings(one: RunRecord, known: dict[bytes, dict[str, str]]) -> dict[str, str]:
     """Return the settings of a run, without arm and seed, by dotted key; `known` holds those read before."""
-    path, version = one.folder / CONFIG, str(one.algorithm_version)
-    settings = {"profile": one.profile, "algorithm_version": version}
+    path = one.folder / CONFIG
+    settings = {"profile": one.profile, "algorithm_version": str(one.algorithm_version)}
     try:
         # Reading YAML is slow, and the files of an arm differ in their seeds alone.
         text = SEED.sub(b"*", read_file(path, MAX_YAML_BYTES))
@@ -129,12 +136,10 @@ def tell_apart(settings: Sequence[Mapping[str, str]]) -> list[str]:
 
 def group_runs(found: Iterable[RunRecord]) -> dict[str, list[RunRecord]]:
     """Group runs that differ only in their seeds; return each group by its name, sorted by seed."""
-    groups: dict[tuple[str, ...], list[RunRecord]] = {}
-    for one in found:
-        groups.setdefault((str(one.below), one.part, one.pair, one.name), []).append(one)
-    several = len({below for below, *_ in groups}) > 1
-    rows: dict[str, list[RunRecord]] = {}
-    for (below, *_, arm), runs in sorted(groups.items()):
-        name = f"{runs[0].label} {arm}"
-        rows[f"{below}: {name}" if several else name] = sorted(runs, key=lambda one: one.seed)
-    return rows
+    runs = sorted(found, key=lambda one: (str(one.below), one.part, one.pair, one.name, one.seed))
+    several = len({one.below for one in runs}) > 1
+    groups: dict[str, list[RunRecord]] = {}
+    for one in runs:
+        name = f"{one.label} {one.name}"
+        groups.setdefault(f"{one.below}: {name}" if several else name, []).append(one)
+    return groups

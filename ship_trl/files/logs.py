@@ -132,7 +132,7 @@ def to_numbers(path: Path, cells: pd.DataFrame, columns: Sequence[str], key: str
     try:
         return cells.reindex(columns=list(columns)).fillna("").to_numpy().astype(np.float64)
     except ValueError as error:
-        raise ConfigError(f"{key}: {path}, columns {' and '.join(columns)}: {error}") from None
+        raise ConfigError(f"{key}: {path} has no numbers {' and '.join(columns)}: {error}") from None
 
 
 def read_workers(paths: Sequence[Path], key: str) -> Numbers:

@@ -6,7 +6,6 @@ because a truncated or corrupted file may still have an intact header.
 
 from __future__ import annotations
 
-import csv
 import hashlib
 import json
 import time
@@ -24,7 +23,6 @@ from ship_trl.config.schema import read_as
 from ship_trl.files.disk import atomic_write, remove, write_tensors
 from ship_trl.learn.prefix import add_prefix, strip_prefix
 from ship_trl.run import console
-from ship_trl.run.history import from_csv, to_csv
 from ship_trl.run.plan import CHECKPOINTS, HEADER_KEY, Run
 from ship_trl.run.setup import Parts
 
@@ -60,7 +58,8 @@ class Checkpoints:
         self._run, self._parts, self._started = run, parts, started
         self._folder, self._episodes = run.folder / CHECKPOINTS, run.config.learn.episodes
         # The file to write next, and the episode of the newest checkpoint; None without one.
-        self._next, self._newest = NAMES[0], None
+        self._next = NAMES[0]
+        self._newest: int | None = None
         self._wait()
 
     @property
@@ -94,11 +93,11 @@ class Checkpoints:
         training, history, parts = self._parts.training, self._parts.history, self._parts
         training.check_finite()
         done = training.episode, self._episodes, training.steps, self.seconds
-        curve = np.frombuffer(to_csv(history.rows).encode(), dtype=np.uint8)
+        rows = np.frombuffer(json.dumps(history.rows).encode(), dtype=np.uint8)
         tensors: dict[str, Tensor] = {
             **add_prefix("training", training.state_dict()),
             **add_prefix("best", {key: value.cpu() for key, value in history.network.state_dict().items()}),
-            "curve": torch.from_numpy(curve.copy()),
+            "rows": torch.from_numpy(rows.copy()),
             "starts": parts.starts.get_state(),
         }
         try:
@@ -135,10 +134,10 @@ class Checkpoints:
             )
         try:
             parts.training.load_state_dict(strip_prefix("training", tensors))
-            parts.history.rows = from_csv(bytes(tensors["curve"].numpy()).decode())
+            parts.history.rows = json.loads(bytes(tensors["rows"].numpy()))
             parts.history.network.load_state_dict(strip_prefix("best", tensors))
             parts.starts.set_state(tensors["starts"])
-        except (KeyError, ValueError, IndexError, TypeError, RuntimeError, csv.Error) as error:
+        except (KeyError, ValueError, IndexError, TypeError, RuntimeError) as error:
             raise ConfigError(
                 f"output: {self._folder} was not written by this program ({type(error).__name__}); "
                 f"delete {self._folder} to start over"

@@ -14,12 +14,6 @@ from ship_trl.files.record import Evaluation
 from ship_trl.learn.network import DuelingNetwork
 from ship_trl.learn.train import Evaluated, Finished
 
-# Types of the columns of `curve.csv`; the others hold floats.
-TYPES = {
-    **dict.fromkeys(("episode", "steps", "length", "greedy_length", "greedy_episodes"), int),
-    **dict.fromkeys(("outcome", "greedy_outcome"), str),
-}
-
 
 class History:
     """All events of a training in order, as rows of `curve.csv`; `network` has the weights of the best."""
@@ -101,9 +95,3 @@ def to_csv(rows: list[Row]) -> str:
     text = io.StringIO()
     csv.DictWriter(text, COLUMNS, restval="", lineterminator="\n").writerows(rows)
     return text.getvalue()
-
-
-def from_csv(text: str) -> list[Row]:
-    """Read rows that `to_csv` wrote; raise a `ValueError` if a cell is not a number."""
-    lines = csv.DictReader(io.StringIO(text), COLUMNS)
-    return [{key: TYPES.get(key, float)(value) for key, value in line.items() if value} for line in lines]

@@ -230,13 +230,11 @@ class ShipVecEnv(VecEnv):
         """Return an attribute, the same for all ships."""
         return [getattr(self._envs, attr_name)] * self.num_envs
 
-    def set_attr(self, *_: Any, **__: Any) -> None:
-        """Refuse: single ships have no attributes."""
+    def set_attr(self, *_: Any, **__: Any) -> Any:
+        """Refuse: single ships have no attributes and methods."""
         raise NotImplementedError
 
-    def env_method(self, *_: Any, **__: Any) -> list[Any]:
-        """Refuse: single ships have no methods."""
-        raise NotImplementedError
+    env_method = set_attr
 
     def env_is_wrapped(self, wrapper_class: type[Any], indices: Any = None) -> list[bool]:
         """Return that no ship is wrapped."""

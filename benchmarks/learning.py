@@ -15,13 +15,13 @@ from benchmarks.ours import (
     STEPS_PER_CALL,
     WARMUP_STEPS,
     Ours,
-    frozen_layers,
     learn_config,
     make_ours,
     start_loop,
 )
 from benchmarks.peers import PEERS, SB3, TUNED_BF16, Peer, Sb3Loop, make_peer
 from benchmarks.timing import Probe
+from ship_trl.config.arm import Arm
 from studies.lockstep import make_lockstep, starts
 from studies.runs import Task
 from studies.sources.plan import SETTINGS
@@ -67,7 +67,7 @@ def frozen_probes(_: str) -> list[Probe]:
     """Return the loop of every arm beside two peers that freeze as many layers."""
     learn, probes = learn_config(), []
     for arm in ARMS:
-        frozen = frozen_layers(arm)
+        frozen = Arm.parse(arm).frozen_layers
         probes += [
             peer_loop(arm, f"{name}, {frozen} frozen", make_peer(name, learn, frozen=frozen))
             for name in (SB3, TUNED_BF16)

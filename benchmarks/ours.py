@@ -10,7 +10,6 @@ import torch
 from tensordict import TensorDictBase
 from torch import Generator
 
-from ship_trl.config.arm import Arm
 from ship_trl.config.types import Learn
 from ship_trl.fast.worlds import make_env
 from ship_trl.grid.compose import compose_config
@@ -54,11 +53,6 @@ def plan_run(arm: str = "scratch", overrides: tuple[str, ...] = ()) -> Run:
 def learn_config(*overrides: str) -> Learn:
     """Return the hyperparameters that ship_trl and its peers are timed with."""
     return plan_run(overrides=OVERRIDES + overrides).config.learn
-
-
-def frozen_layers(arm: str) -> int:
-    """Return how many conv layers an arm freezes."""
-    return Arm.parse(arm).frozen_layers
 
 
 class Ours:

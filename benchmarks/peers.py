@@ -39,6 +39,13 @@ def conv_layers() -> nn.ModuleList:
     return nn.ModuleList([*layers, nn.Conv2d(64, 64, 3), nn.Conv2d(64, 200, 7)])
 
 
+def encode(convs: nn.ModuleList, x: Tensor) -> Tensor:
+    """Map float [..., 1, 84, 84] to 200 features [..., 200]."""
+    for conv in convs:
+        x = F.relu(conv(x))
+    return x.flatten(-3)
+
+
 class DuelingHead(nn.Module):
     """From 200 features to Q-values: a shared layer, then value and advantage."""
 
@@ -66,10 +73,7 @@ class PlainNetwork(nn.Module):
     def forward(self, pixels: Tensor) -> Tensor:
         """Map uint8 [..., 1, 84, 84] or [..., 84, 84, 1] to float [..., A]."""
         # With one channel the two layouts are the same bytes.
-        x = pixels.reshape(*pixels.shape[:-3], *FRAME) / 255.0
-        for conv in self.convs:
-            x = F.relu(conv(x))
-        return self.head(x.flatten(-3))
+        return self.head(encode(self.convs, pixels.reshape(*pixels.shape[:-3], *FRAME) / 255.0))
 
 
 class TunedNetwork(nn.Module):
@@ -116,10 +120,7 @@ class PaperFeatures(BaseFeaturesExtractor):
 
     def forward(self, observations: Tensor) -> Tensor:
         """Map float [B, C, 84, 84] to [B, 200]."""
-        x = observations
-        for conv in self.convs:
-            x = F.relu(conv(x))
-        return x.flatten(1)
+        return encode(self.convs, observations)
 
 
 class Sb3Loop:

@@ -12,10 +12,9 @@ from torchrl.objectives import SoftUpdate
 
 from ship_trl import make_env
 from ship_trl.learn.network import DuelingNetwork
-from ship_trl.learn.policy import EpsilonGreedy, greedy_policy
 from ship_trl.learn.q_learning import DoubleDQNLoss
 from ship_trl.learn.replay import DrawPixels, StateReplay
-from ship_trl.learn.rollout import rollout
+from ship_trl.learn.rollout import EpsilonGreedy, greedy_policy, rollout
 
 
 class CautiousLoss(DoubleDQNLoss):

@@ -11,15 +11,14 @@ from functools import partial
 from typing import Any
 
 import torch
-from tensordict import TensorDict, TensorDictBase
+from tensordict import TensorDictBase
 from torch import Tensor
 from torchrl.data import PrioritizedSampler
 
 from ship_trl.config.errors import ConfigError
-from ship_trl.learn import double_dqn
 from ship_trl.learn.algorithm import Setup
 from ship_trl.learn.double_dqn import DoubleDQN
-from ship_trl.learn.q_learning import DoubleDQNLoss, td_target
+from ship_trl.learn.q_learning import td_target
 from ship_trl.learn.replay import StateReplay
 
 
@@ -46,38 +45,34 @@ class PrioritisedReplay(StateReplay):
         weight = info["priority_weight"].to(torch.float32).unsqueeze(-1)
         return batch.update({"index": info["index"], "weight": weight})
 
-    def compact_state_dict(self) -> dict[str, Tensor]:
+    def state_dict(self) -> dict[str, Tensor]:
         """Return what a checkpoint needs: that of uniform replay, and the priorities."""
-        state = super().compact_state_dict()
+        state = super().state_dict()
         largest = torch.as_tensor(self.sampler.default_priority, dtype=torch.float32)
         tree = self.sampler._sum_tree  # noqa: SLF001
         priorities = torch.as_tensor(tree[torch.arange(len(self))])
         return state | {"priorities": priorities, "largest": largest}
 
-    def load_compact_state_dict(self, state: Mapping[str, Tensor]) -> None:
-        """Load what `compact_state_dict` returned."""
-        super().load_compact_state_dict(state)
+    def load_state_dict(self, state_dict: Mapping[str, Tensor]) -> None:
+        """Load what `state_dict` returned."""
+        super().load_state_dict(state_dict)
         for tree in (self.sampler._sum_tree, self.sampler._min_tree):  # noqa: SLF001
-            tree[torch.arange(len(state["priorities"]))] = state["priorities"]
-        self.sampler._max_priority = (state["largest"], None)  # noqa: SLF001
-
-
-class WeightedLoss(DoubleDQNLoss):
-    """Squared errors of double DQN times the weights of the transitions; writes `td_error` [B, 1]."""
-
-    def forward(self, tensordict: TensorDictBase) -> TensorDict:
-        """Compute the loss of transitions [B]."""
-        (key,), following = self.value_network_in_keys, tensordict["next"]
-        with torch.no_grad():
-            both = self.network(following[key]), self.target_network(following[key])
-            wanted = td_target(*both, following["reward"], following["terminated"], self.gamma)
-        error = self.network(tensordict[key]).gather(-1, tensordict["action"].unsqueeze(-1)) - wanted
-        tensordict.set("td_error", error.detach().abs())
-        return TensorDict({"loss": (tensordict["weight"] * error.square()).mean()})
+            tree[torch.arange(len(state_dict["priorities"]))] = state_dict["priorities"]
+        self.sampler._max_priority = (state_dict["largest"], None)  # noqa: SLF001
 
 
 class PrioritisedDQN(DoubleDQN):
-    """Double DQN that sets the priorities of a batch to its errors."""
+    """Double DQN with the weights of the transitions; it sets the priorities of a batch to its errors."""
+
+    def loss(self, batch: TensorDictBase) -> Tensor:
+        """Return the mean of the squared errors times the weights, and write `td_error` [B, 1]."""
+        key, following = self.observed, batch["next"]
+        with torch.no_grad():
+            both = self.online_network(following[key]), self.target_network(following[key])
+            wanted = td_target(*both, following["reward"], following["terminated"], self.learn.gamma)
+        error = self.online_network(batch[key]).gather(-1, batch["action"].unsqueeze(-1)) - wanted
+        batch.set("td_error", error.detach().abs())
+        return (batch["weight"] * error.square()).mean()
 
     def learn_from(self, batch: TensorDictBase) -> Tensor:
         """Take one gradient step on a batch, and return the loss."""
@@ -100,5 +95,4 @@ def build(setup: Setup) -> DoubleDQN:
             f"algorithm.build: prioritised replay needs TorchRL's C++ extension, which does not load with "
             f"torch {torch.__version__}; allowed: torch 2.14.1, or another algorithm"
         ) from None
-    make_replay = partial(PrioritisedReplay, sampler)
-    return double_dqn.build(setup, make_replay, WeightedLoss, PrioritisedDQN)
+    return PrioritisedDQN(setup, make_replay=partial(PrioritisedReplay, sampler))

@@ -19,9 +19,8 @@ from torchrl.objectives import DQNLoss, SoftUpdate
 
 from ship_trl import make_env
 from ship_trl.learn.network import DuelingNetwork
-from ship_trl.learn.policy import greedy_policy
 from ship_trl.learn.replay import DrawPixels
-from ship_trl.learn.rollout import rollout
+from ship_trl.learn.rollout import greedy_policy, rollout
 
 
 def main() -> None:

@@ -18,9 +18,8 @@ from torchrl.modules import QValueActor
 from torchrl.objectives import SoftUpdate
 
 from ship_trl.cli.evaluate import main
-from ship_trl.config.types import Loss
+from ship_trl.learn.double_dqn import DoubleDQN
 from ship_trl.learn.network import DuelingNetwork
-from ship_trl.learn.q_learning import DoubleDQNLoss
 from ship_trl.learn.train import train
 from tests.command import ROOT, ship_trl
 from tests.forked import run_script
@@ -69,13 +68,10 @@ def test_an_algorithm_of_ones_own_trains(tmp_path: Path) -> None:
 
 def test_the_soft_target_is_that_of_munchausen_dqn() -> None:
     sys.path.insert(0, str(ROOT / "examples"))
-    from own_algorithm import ALPHA, TEMPERATURE, MunchausenLoss
+    from own_algorithm import ALPHA, TEMPERATURE, MunchausenDQN
 
     network = torch.nn.Linear(2, 7)
-    loss = MunchausenLoss(
-        QValueActor(network, in_keys=["pixels"], action_space="categorical"), kind=Loss["l2"], gamma=0.9
-    )
-    SoftUpdate(loss, tau=0.1)
+    learner = without_parts(MunchausenDQN, network)
     batch = two_steps()
     policy = Categorical(logits=network(batch["pixels"]) / TEMPERATURE)
     after = Categorical(logits=network(batch["next", "pixels"]) / TEMPERATURE)
@@ -83,7 +79,15 @@ def test_the_soft_target_is_that_of_munchausen_dqn() -> None:
     value = (after.probs * network(batch["next", "pixels"])).sum(-1) + TEMPERATURE * after.entropy()
     wanted = batch["next", "reward"].squeeze(-1) + bonus + 0.9 * value * torch.tensor([0.0, 1.0])
     error = network(batch["pixels"]).gather(-1, batch["action"][:, None]).squeeze(-1) - wanted
-    torch.testing.assert_close(loss(batch)["loss"], error.square().mean(), rtol=1e-4, atol=1e-5)
+    torch.testing.assert_close(learner.loss(batch), error.square().mean(), rtol=1e-4, atol=1e-5)
+
+
+def without_parts(kind: type[DoubleDQN], network: torch.nn.Module) -> DoubleDQN:
+    """Return an algorithm that has only what its loss reads."""
+    learner = object.__new__(kind)
+    values = {"online_network": network, "target_network": network, "observed": "pixels", "learn": schedule()}
+    vars(learner).update(values)
+    return learner
 
 
 def two_steps() -> TensorDict:
@@ -104,18 +108,15 @@ def test_prioritised_replay_is_refused_where_its_extension_does_not_load(tmp_pat
 
 def test_weights_of_transitions_weigh_their_errors() -> None:
     sys.path.insert(0, str(ROOT / "examples"))
-    from prioritised_replay import WeightedLoss
+    from prioritised_replay import PrioritisedDQN
 
-    actor = QValueActor(torch.nn.Linear(2, 7), in_keys=["pixels"], action_space="categorical")
-    loss = WeightedLoss(actor, gamma=0.9)
-    SoftUpdate(loss, tau=0.1)
+    network = torch.nn.Linear(2, 7)
+    learner, plain = (without_parts(kind, network) for kind in (PrioritisedDQN, DoubleDQN))
     batch = two_steps().set("weight", torch.ones(2, 1))
-    plain = DoubleDQNLoss(actor, gamma=0.9, write_td_error=False)
-    SoftUpdate(plain, tau=0.1)
-    torch.testing.assert_close(loss(batch)["loss"], plain(batch)["loss"])
+    torch.testing.assert_close(learner.loss(batch), plain.loss(batch))
     errors = batch["td_error"].squeeze(-1)
     batch["weight"] = torch.tensor([[1.0], [0.0]])
-    torch.testing.assert_close(loss(batch)["loss"], errors[0].square() / 2)
+    torch.testing.assert_close(learner.loss(batch), errors[0].square() / 2)
 
 
 class Tree:

@@ -20,8 +20,7 @@ from ship_trl.files.curve import RunError
 from ship_trl.files.record import RESULT, RunRecord, read_run
 from ship_trl.files.untrusted import read_yaml
 from ship_trl.learn.network import DuelingNetwork, make_network
-from ship_trl.learn.policy import greedy_policy
-from ship_trl.learn.rollout import rollout
+from ship_trl.learn.rollout import greedy_policy, rollout
 from ship_trl.policies.entry import SHOWN, Entry
 from ship_trl.policies.named import load_with_network
 from ship_trl.policies.pretrained import find, is_pretrained

@@ -30,8 +30,7 @@ from ship_trl.explain.states import Floats, StateSet, draw_states
 from ship_trl.fast.worlds import make_env
 from ship_trl.files.disk import atomic_write
 from ship_trl.learn.network import DuelingNetwork
-from ship_trl.learn.policy import greedy_policy
-from ship_trl.learn.rollout import rollout
+from ship_trl.learn.rollout import greedy_policy, rollout
 from ship_trl.policies.entry import Entry
 from ship_trl.run.process import configure_process
 from ship_trl.sim.env import ShipEnv

@@ -228,14 +228,6 @@ class Incremental:
         """Return this backend itself: a copied network shares its backend."""
         return self
 
-    def __getstate__(self) -> dict[str, Any]:
-        """Return the state to pickle, without the caches."""
-        return self.__dict__ | {"_cached": None, "_copies": None}
-
-    def __setstate__(self, state: dict[str, Any]) -> None:
-        """Restore with empty caches."""
-        self.__dict__ |= state | {"_copies": WeakKeyDictionary()}
-
     def features(self, network: DuelingNetwork, pixels: Tensor) -> Tensor:
         """Compute all conv layers: uint8 [B, C, 84, 84] to float32 [B, F].
 

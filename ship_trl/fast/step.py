@@ -1,4 +1,4 @@
-"""`sim.transition.Transition` as a compiled loop for the CPU; tests compare the two.
+"""`sim.transition.Transition` and `sim.traffic.draw_scenes` as compiled loops; tests compare them.
 
 It avoids torch's overhead per operator, which dominates in small batches.
 """
@@ -16,8 +16,8 @@ from numba.extending import register_jitable
 from torch import Tensor
 
 from ship_trl.config.types import World
-from ship_trl.fast.jit import RELAXED, compiled
-from ship_trl.sim import encounter
+from ship_trl.fast.jit import RELAXED, Loop, compiled
+from ship_trl.sim import encounter, traffic
 from ship_trl.sim.cases import GIVES_WAY, GIVING_WAY, HOLDS_COURSE
 from ship_trl.sim.reward import MAX_SHIP_DISTANCE, POSITION_TOLERANCE, TERMS, PaidStep
 from ship_trl.sim.state import (
@@ -47,8 +47,18 @@ Number = Any
 # A Python float would turn every sum into float64.
 ONE, ZERO = np.float32(1.0), np.float32(0.0)
 
-for shared in (encounter.meets, encounter.crosses, encounter.overtakes):
+for shared in (encounter.meets, encounter.crosses, encounter.overtakes, encounter.classify):
     register_jitable(fastmath=RELAXED)(shared)
+DRAWING: tuple[Loop, ...] = (
+    traffic.uniform,
+    traffic.draw_ship,
+    traffic.keeps_clear,
+    traffic.draw_ships,
+    traffic.is_solvable,
+)
+for loop in DRAWING:
+    register_jitable(fastmath=RELAXED, error_model="numpy")(loop)
+draw_scenes = compiled(RELAXED)(traffic.draw_scenes)
 bearing_of = register_jitable(fastmath=RELAXED)(encounter.bearing_of)
 must_give_way = register_jitable(fastmath=RELAXED)(encounter.must_give_way)
 

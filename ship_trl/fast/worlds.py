@@ -1,13 +1,16 @@
-"""Worlds that compiled loops compute on a CPU, and CUDA graphs on a GPU."""
+"""Worlds and learning that compiled loops compute on a CPU, and CUDA graphs on a GPU."""
 
 from __future__ import annotations
 
-from typing import Any
+from typing import Any, cast
 
 import torch
 
+from ship_trl.config.network import Geometry
 from ship_trl.config.types import World
 from ship_trl.fast.graphs import Captured
+from ship_trl.learn.algorithm import Accelerator
+from ship_trl.learn.network import Backend, Draw
 from ship_trl.sim.cases import Case
 from ship_trl.sim.env import Engine, ShipEnv
 from ship_trl.sim.render import Drawing, Rasteriser
@@ -41,9 +44,16 @@ def compile_drawing(rasteriser: Rasteriser) -> Drawing:
 
 def draw_scenes(*arguments: Any) -> bool:
     """Draw random encounters, as `sim.traffic.draw_scenes`."""
-    from ship_trl.fast import traffic
+    from ship_trl.fast import step
 
-    return bool(traffic.draw_scenes(*arguments))
+    return bool(step.draw_scenes(*arguments))
+
+
+def make_incremental(draw: Draw, dtype: torch.dtype, geometry: Geometry) -> Backend:
+    """Make the backend that computes only what differs from the background of `draw`."""
+    from ship_trl.fast.incremental import Incremental
+
+    return Incremental(cast(Any, draw).background, dtype, geometry)
 
 
 FAST = Engine(compile_step, compile_drawing, draw_scenes)
@@ -54,6 +64,11 @@ SLOW = Engine(scenes=draw_scenes)
 def engine(fast: bool = True) -> Engine:
     """Return what computes worlds; if not `fast`, torch alone steps and draws."""
     return FAST if fast else SLOW
+
+
+def accelerator(fast: bool = True) -> Accelerator:
+    """Return what makes learning faster; if not `fast`, nothing does."""
+    return Accelerator(make_incremental, Captured) if fast else Accelerator()
 
 
 def make_env(

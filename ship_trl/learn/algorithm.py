@@ -6,19 +6,21 @@ The loop knows an `Algorithm` and nothing of replay, loss or exploration. A buil
 
 from __future__ import annotations
 
+import copy
+import math
+from abc import ABC, abstractmethod
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
-from typing import Any, Protocol
+from typing import Any
 
-import torch
 from tensordict import TensorDictBase
 from torch import Generator, Tensor, nn
 
 from ship_trl.config.imports import import_function, name_in_errors
 from ship_trl.config.types import Learn
-from ship_trl.learn.backend import Accelerator, Draw
-from ship_trl.learn.network import DuelingNetwork
-from ship_trl.learn.rollout import Policy
+from ship_trl.learn.network import Dense, Draw, DuelingNetwork, MakeBackend, make_backend
+from ship_trl.learn.optimiser import ChannelsLastAdam, learning_groups
+from ship_trl.learn.rollout import Policy, greedy_policy
 
 # Q-values [N, A] of states [N, S].
 Teacher = Callable[[Tensor], Tensor]
@@ -26,64 +28,6 @@ Teacher = Callable[[Tensor], Tensor]
 
 class DivergedError(Exception):
     """A loss, weight or output is not finite."""
-
-
-class Algorithm(Protocol):
-    """Acts in a batched environment and learns from what follows."""
-
-    @property
-    def encoders(self) -> Mapping[str, Callable[[Tensor], Tensor]]:
-        """Further observations that the environment gives, each a function of states [N, S]."""
-        ...
-
-    @property
-    def network(self) -> DuelingNetwork:
-        """The network of the greedy policy, which is evaluated and saved."""
-        ...
-
-    @property
-    def greedy(self) -> Policy:
-        """The policy of evaluations, which draws no random number."""
-        ...
-
-    @property
-    def epsilon(self) -> float:
-        """Share of random actions; NaN where actions are drawn otherwise."""
-        ...
-
-    @property
-    def dtype(self) -> torch.dtype:
-        """Number format of the conv layers in training."""
-        ...
-
-    @property
-    def backend(self) -> str:
-        """Name of what computes the conv layers in training."""
-        ...
-
-    def act(self, step: TensorDictBase, episode: int) -> TensorDictBase:
-        """Write `action` [N] of the exploring policy, when `episode` training episodes have ended."""
-        ...
-
-    def observe(self, step: TensorDictBase) -> None:
-        """Take note of a step [N] of the environment, with `action` and `next`."""
-        ...
-
-    def update(self) -> list[Tensor]:
-        """Make the updates that are due, and return their losses."""
-        ...
-
-    def state_dict(self) -> dict[str, Tensor]:
-        """Return what a checkpoint needs to go on with the same bits; tensors are not copied."""
-        ...
-
-    def load_state_dict(self, state: Mapping[str, Tensor]) -> None:
-        """Load what `state_dict` returned.
-
-        Raises:
-            KeyError, RuntimeError: the state does not fit this algorithm.
-        """
-        ...
 
 
 class LearningHooks:
@@ -122,6 +66,19 @@ class LearningHooks:
 
 
 @dataclass(frozen=True)
+class Accelerator:
+    """What makes learning faster than torch alone; None where nothing does. `ship_trl.fast` has both.
+
+    Attributes:
+        incremental: makes a backend for the CPU that computes only where pictures differ from a background.
+        capture: makes a function of tensors on a GPU that does the same with less overhead.
+    """
+
+    incremental: MakeBackend | None = None
+    capture: Callable[[Callable[..., Any]], Callable[..., Any]] | None = None
+
+
+@dataclass(frozen=True)
 class Setup:
     """What a builder makes an algorithm from.
 
@@ -152,6 +109,77 @@ class Setup:
     accelerator: Accelerator = field(default_factory=Accelerator)
 
 
+class Algorithm(ABC):
+    """Acts in a batched environment and learns from what follows.
+
+    Attributes:
+        online_network: the network that learns, `setup.network`.
+        network: of the greedy policy, which is evaluated and saved.
+        greedy: the policy of evaluations, which draws no random number.
+        encoders: further observations that the environment gives, each a function of states [N, S].
+        epsilon: share of random actions; NaN where actions are drawn otherwise.
+        optimiser: of the layers that learn.
+        dtype: number format of the conv layers in training.
+        backend: name of what computes the conv layers in training.
+    """
+
+    epsilon = math.nan
+
+    def __init__(self, setup: Setup) -> None:
+        self.draw, self.learn, self.method = setup.draw, setup.learn, setup.method
+        self.online_network = network = setup.network
+        network.freeze(self.method.frozen_layers(0.0))
+        network.backend = make_backend(network, self.draw, self.learn, setup.accelerator.incremental)
+        self.dtype, self.backend = network.backend.dtype, network.backend.name
+        self.optimiser = ChannelsLastAdam(learning_groups(network, self.method.rate_factor), self.learn.lr)
+        self.encoders: dict[str, Draw] = {}
+        self.evaluate_with(network)
+
+    def evaluate_with(self, network: DuelingNetwork) -> None:
+        """Let evaluations use the weights of a network. They compute whole frames in float32."""
+        self.network: DuelingNetwork = copy.copy(network)
+        self.network.backend = Dense()
+        self.greedy: Policy = greedy_policy(self.network, self.draw)
+
+    def schedule(self, episode: int) -> float:
+        """Set what changes over the training, and return the share of the episodes that have ended."""
+        progress = episode / self.learn.episodes
+        if self.method.thaws:
+            self.freeze(self.method.frozen_layers(progress))
+        self.optimiser.set_lr(learning_rate_at(episode, self.learn))
+        return progress
+
+    def freeze(self, layers: int) -> None:
+        """Freeze the first `layers` layers, and let the others learn."""
+        if layers != self.online_network.frozen:
+            self.online_network.freeze(layers)
+            self.optimiser.add_thawed(self.online_network)
+
+    @abstractmethod
+    def act(self, step: TensorDictBase, episode: int) -> TensorDictBase:
+        """Write `action` [N] of the exploring policy, when `episode` training episodes have ended."""
+
+    @abstractmethod
+    def observe(self, step: TensorDictBase) -> None:
+        """Take note of a step [N] of the environment, with `action` and `next`."""
+
+    @abstractmethod
+    def update(self) -> list[Tensor]:
+        """Make the updates that are due, and return their losses."""
+
+    @abstractmethod
+    def state_dict(self) -> dict[str, Tensor]:
+        """Return what a checkpoint needs to go on with the same bits; tensors are not copied."""
+
+    @abstractmethod
+    def load_state_dict(self, state: Mapping[str, Tensor]) -> None:
+        """Load what `state_dict` returned, into the memory of the networks.
+
+        Raises:
+            KeyError, RuntimeError, TypeError, ValueError: the state does not fit this algorithm.
+        """
+
+
 def epsilon_at(episode: float, learn: Learn) -> float:
     """Return the exploration rate after `episode` episodes: linear over `epsilon_fraction`, then constant."""
     share = min(1.0, episode / (learn.epsilon_fraction * learn.episodes))
@@ -161,6 +189,16 @@ def epsilon_at(episode: float, learn: Learn) -> float:
 def learning_rate_at(episode: float, learn: Learn) -> float:
     """Return the learning rate after `episode` episodes: linear from `lr` to `lr_end`."""
     return learn.lr + min(1.0, episode / learn.episodes) * (learn.lr_end - learn.lr)
+
+
+def add_prefix(name: str, state: Mapping[str, Tensor]) -> dict[str, Tensor]:
+    """Prefix each key of a part of a checkpoint with a name and a dot."""
+    return {f"{name}.{key}": value for key, value in state.items()}
+
+
+def strip_prefix(name: str, state: Mapping[str, Tensor]) -> dict[str, Tensor]:
+    """Return the entries whose key has a name and a dot as prefix, and strip the prefix."""
+    return {key.removeprefix(f"{name}."): v for key, v in state.items() if key.startswith(f"{name}.")}
 
 
 def build_algorithm(setup: Setup) -> Algorithm:

@@ -4,32 +4,22 @@ from __future__ import annotations
 
 import copy
 from collections.abc import Callable, Mapping
-from typing import Any
 
 import torch
 from tensordict import NestedKey, TensorDictBase
 from torch import Tensor
-from torchrl.modules import QValueActor
-from torchrl.objectives import SoftUpdate
 
-from ship_trl.config.types import Learn
-from ship_trl.learn.algorithm import LearningHooks, Setup, epsilon_at, learning_rate_at
-from ship_trl.learn.backend import Draw, make_backend
-from ship_trl.learn.network import Dense, DuelingNetwork
-from ship_trl.learn.optimiser import ChannelsLastAdam, learning_groups
-from ship_trl.learn.policy import EpsilonGreedy, greedy_policy
-from ship_trl.learn.prefix import add_prefix, copy_exactly, strip_prefix
-from ship_trl.learn.q_learning import DoubleDQNLoss, update
+from ship_trl.learn.algorithm import Algorithm, LearningHooks, Setup, add_prefix, epsilon_at, strip_prefix
+from ship_trl.learn.network import Dense, Draw, DuelingNetwork
+from ship_trl.learn.q_learning import double_dqn_loss, read_batch, update
 from ship_trl.learn.replay import DrawPixels, StateReplay, make_batch
-from ship_trl.learn.rollout import Policy
+from ship_trl.learn.rollout import EpsilonGreedy
 
 # Key of the observations of frozen layers, which the replay stores next to states.
 FEATURES = "features"
-# Makes a function that does the same with less overhead.
-Capture = Callable[[Callable[..., Any]], Callable[..., Any]]
 
 
-class DoubleDQN:
+class DoubleDQN(Algorithm):
     """Acts by an exploring policy, stores what follows, and learns from batches of it.
 
     The online network explores, as in the paper. Evaluations use the target network, which is the running
@@ -37,109 +27,155 @@ class DoubleDQN:
     (one second at 12 m/s instead of 15 costs 0.7 of a return of 84). So each update changes some choices
     of the online network, but few of the average.
 
+    An algorithm of one's own overrides `loss`, `learn_from` or `best_actions`.
+
     Args:
-        loss: of a batch, with the online and the target network.
-        optimiser: of the layers that learn.
-        replay: stores the transitions and draws batches.
-        policy: explores.
-        draw: maps states to the network's input.
-        learn: the schedule of updates, exploration and learning rate.
-        method: what a transfer asks of learning.
-        encoders: see `Algorithm`.
-        capture: makes a CUDA graph of gradient steps; None for none.
+        setup: its parts.
+        n: rewards before a target bootstraps.
+        make_replay: takes the arguments of `StateReplay`.
+
+    Attributes:
+        stored: key of the observations that the replay stores and the policy reads.
+        observed: key of the observations in a batch.
     """
 
     def __init__(
-        self,
-        loss: DoubleDQNLoss,
-        optimiser: ChannelsLastAdam,
-        replay: StateReplay,
-        policy: EpsilonGreedy,
-        draw: Draw,
-        learn: Learn,
-        method: LearningHooks | None = None,
-        encoders: Mapping[str, Callable[[Tensor], Tensor]] | None = None,
-        capture: Capture | None = None,
+        self, setup: Setup, n: int = 1, make_replay: Callable[..., StateReplay] = StateReplay
     ) -> None:
-        self.loss, self.optimiser = loss, optimiser
-        self.replay, self.policy, self._draw, self._learn = replay, policy, draw, learn
-        self._method: LearningHooks = method or LearningHooks()
-        self.encoders: Mapping[str, Callable[[Tensor], Tensor]] = dict(encoders or {})
-        self.online_network: DuelingNetwork = loss.network
-        self.dtype = self.online_network.backend.dtype
-        self.backend = self.online_network.backend.name
+        super().__init__(setup)
+        network, learn = self.online_network, self.learn
+        device = network.advantage.weight.device
+        self.encoders = self.make_encoders()
+        self.observed = next(iter(self.encoders), network.observes)
+        self.stored = next(iter(self.encoders), "state")
+        self.replay = make_replay(
+            learn.replay_size,
+            learn.reward_scale,
+            setup.replay,
+            device,
+            self.stored,
+            None if self.encoders else DrawPixels(self.draw),
+            encode=self.encoders.get(FEATURES),
+            n=n,
+            gamma=learn.gamma,
+        )
+        # A graph keeps the numbers of its capture, such as a penalty's weight.
+        captures = device.type == "cuda" and type(self.method).penalty is LearningHooks.penalty
+        self._capture = setup.accelerator.capture if captures else None
+        best: Callable[[Tensor], Tensor] = self.best_actions
+        if self._capture is not None and type(self).best_actions is DoubleDQN.best_actions:
+            best = self._capture(best)
+        self.policy = EpsilonGreedy(best, self.stored, setup.num_actions, setup.exploration)
         # Environment steps and updates so far.
         self.steps = self.updates = 0
-        # A loss of one's own may write into the batch or draw numbers.
-        is_plain = not loss.write_td_error and type(loss).forward is DoubleDQNLoss.forward
-        self._capture = capture if is_plain else None
-        # Else TorchRL warns that nothing moves the target network; `update` does.
-        SoftUpdate(loss, tau=learn.tau)
-        # Evaluations compute whole frames in float32.
-        self.network: DuelingNetwork = copy.copy(loss.target_network)
-        self.network.backend = Dense()
-        self.greedy: Policy = greedy_policy(self.network, draw)
+        self.target_network: DuelingNetwork = copy.deepcopy(network).requires_grad_(False)
+        self.evaluate_with(self.target_network)
         self._find_learning()
 
-    def _find_learning(self) -> None:
-        """Find the parameters that learn, and capture gradient steps anew: a graph has its parameters."""
-        online, target = self.online_network.named_parameters(), self.network.state_dict()
-        learning = {name: parameter for name, parameter in online if parameter.requires_grad}
-        self._learning = list(learning.values()), [target[name] for name in learning]
-        self._graph = GradientStep(self._learn_from, self._capture) if self._capture else None
+    def make_encoders(self) -> dict[str, Draw]:
+        """Return the observations that the replay stores beside or in place of states."""
+        network = self.online_network
+        if network.config.linear:
+            # Quick to read and small, so the replay stores them in place of states.
+            return {network.observes: self.draw}
+        are_linear = network.frozen >= network.linear_from and not self.method.thaws
+        if are_linear and not isinstance(network.backend, Dense):
+            return {FEATURES: self.frozen_features}
+        return {}
 
-    @property
-    def epsilon(self) -> float:
-        """Share of random actions."""
-        return self.policy.epsilon
+    @torch.no_grad()
+    def frozen_features(self, state: Tensor) -> Tensor:
+        """Compute what the frozen layers make of states [N, S]: [N, K] in half precision.
+
+        If only linear layers learn, the replay stores these next to states: slow to compute, quick to read.
+        In the paper's network they are 3,136 numbers after the third layer (6 kB in half precision, a little
+        less than a frame), and 200 after the fourth.
+        """
+        network = self.online_network
+        # float16 has three more bits of mantissa than bfloat16, so it is better for float32 results.
+        half = torch.bfloat16 if self.dtype is torch.bfloat16 else torch.float16
+        # One by one, so that the bits do not depend on the batch: a resumed run recomputes the features.
+        features = torch.cat([network.encode(self.draw(one), network.frozen) for one in state.split(1)])
+        # float16 would store values above 65,504 as infinity. After ReLU no value is negative.
+        return features.clamp_(max=torch.finfo(half).max).to(half)
+
+    def _find_learning(self) -> None:
+        """Find the parameters that learn, and capture gradient steps anew: a graph has its parameters.
+
+        The target network uses the layers that do not learn, so that a backend computes them once.
+        """
+        online, target = dict(self.online_network.named_children()), self.target_network
+        for name, layer in online.items():
+            if not any(parameter.requires_grad for parameter in layer.parameters()):
+                setattr(target, name, layer)
+            elif getattr(target, name) is layer:
+                setattr(target, name, copy.deepcopy(layer).requires_grad_(False))
+        named, slow = self.online_network.named_parameters(), dict(target.named_parameters())
+        learning = {name: parameter.detach() for name, parameter in named if parameter.requires_grad}
+        self._learning = list(learning.values()), [slow[name] for name in learning]
+        # A loss of one's own may write into the batch or draw numbers.
+        is_plain = type(self).loss is DoubleDQN.loss
+        self._graph = self._capture(self._learn_from_values) if self._capture and is_plain else None
+
+    def best_actions(self, observed: Tensor) -> Tensor:
+        """Return the actions that the online network rates highest, int64 [N], of stored observations."""
+        return self.online_network(observed if self.encoders else self.draw(observed)).argmax(-1)
 
     def act(self, step: TensorDictBase, episode: int) -> TensorDictBase:
         """Write `action`, when `episode` training episodes have ended."""
-        self.policy.epsilon = epsilon_at(episode, self._learn)
-        if self._method.thaws:
-            self.freeze(self._method.frozen_layers(episode / self._learn.episodes))
-        self.optimiser.set_lr(learning_rate_at(episode, self._learn))
+        progress = self.schedule(episode)
+        self.epsilon = self.policy.epsilon = epsilon_at(episode, self.learn)
         self.steps += step.batch_size[0]
         step = self.policy(step)
-        self._method.act(step, episode / self._learn.episodes)
+        self.method.act(step, progress)
         return step
 
     def observe(self, step: TensorDictBase) -> None:
         """Store a step."""
         if self.steps:  # demonstrations come before
-            self._method.observe(step)
+            self.method.observe(step)
         self.replay.extend(step)
 
     def update(self) -> list[Tensor]:
         """Make the updates that are due, and return their losses."""
-        learn, losses = self._learn, []
+        learn, losses = self.learn, []
         due = max(0, self.steps - learn.warmup_steps) // learn.update_every
         while self.updates < due:
             losses.append(self.learn_from(self.replay.sample(learn.batch_size)))
             self.updates += 1
         return losses
 
+    def loss(self, batch: TensorDictBase) -> Tensor:
+        """Return the mean loss of a batch."""
+        transitions = read_batch(batch, self.observed, self.learn.gamma)
+        networks = self.online_network, self.target_network
+        return double_dqn_loss(*networks, transitions, self.learn.loss, self.learn.huber_delta)[0]
+
     def learn_from(self, batch: TensorDictBase) -> Tensor:
         """Take one gradient step on a batch, update the target network, and return the loss."""
-        return self._learn_from(batch) if self._graph is None else self._graph(batch)
+        if self._graph is None:
+            return self._learn_from(batch)
+        self._keys: list[NestedKey] = list(batch.keys(True, True))
+        loss: Tensor = self._graph(*(batch.get(key) for key in self._keys))
+        return loss
+
+    def _learn_from_values(self, *values: Tensor) -> Tensor:
+        """Do what `learn_from` says with the values of `_keys`."""
+        return self._learn_from(make_batch(dict(zip(self._keys, values, strict=True))))
 
     def _learn_from(self, batch: TensorDictBase) -> Tensor:
         """Do what `learn_from` says, one operation after the other."""
-        loss = self.loss(batch)["loss"]
-        if (penalty := self._method.penalty(self.online_network, batch)) is not None:
+        loss = self.loss(batch)
+        if (penalty := self.method.penalty(self.online_network, batch)) is not None:
             loss = loss + penalty
-        return update(loss, *self._learning, self.optimiser, self._learn.tau)
+        return update(loss, *self._learning, self.optimiser, self.learn.tau)
 
     def freeze(self, layers: int) -> None:
         """Freeze the first `layers` layers, and let the others learn."""
-        if layers == self.online_network.frozen:
-            return
-        for network in (self.online_network, self.loss.target_network, self.network):
-            network.frozen = layers
-        self.online_network.freeze(layers)
-        self.loss.share_frozen()
-        self.optimiser.add_thawed(self.online_network)
-        self._find_learning()
+        if layers != self.online_network.frozen:
+            super().freeze(layers)
+            self.target_network.frozen = self.network.frozen = layers
+            self._find_learning()
 
     def state_dict(self) -> dict[str, Tensor]:
         """Return networks, Adam's averages, replay, generators and counters; tensors are not copied."""
@@ -150,107 +186,27 @@ class DoubleDQN:
             add_prefix("online", online)
             | add_prefix("target", own)
             | add_prefix("adam", self.optimiser.averages(self.online_network))
-            | add_prefix("replay", self.replay.compact_state_dict())
-            | add_prefix("method", self._method.state_dict())
+            | add_prefix("replay", self.replay.state_dict())
+            | add_prefix("method", self.method.state_dict())
             | {"exploration": self.policy.generator.get_state()}
             | {"counters": torch.tensor([self.steps, self.updates, self.online_network.frozen])}
         )
 
-    @torch.no_grad()
     def load_state_dict(self, state: Mapping[str, Tensor]) -> None:
-        """Load what `state_dict` returned into the memory of these networks.
-
-        Raises:
-            KeyError, RuntimeError, TypeError: the state does not fit this algorithm.
-        """
+        """Load what `state_dict` returned."""
         if state["counters"].dtype is not torch.int64:
             raise TypeError("counters must be int64")
         self.steps, self.updates, frozen = state["counters"].tolist()
         self.freeze(frozen)
-        for name, network in (("online", self.online_network), ("target", self.network)):
-            for key, value in network.state_dict().items():
-                copy_exactly(value, state.get(f"{name}.{key}", state[f"online.{key}"]))
+        online = strip_prefix("online", state)
+        self.online_network.load_state_dict(online)
+        self.network.load_state_dict(online | strip_prefix("target", state))
         self.optimiser.load_averages(self.online_network, strip_prefix("adam", state))
         self.policy.generator.set_state(state["exploration"].cpu())
-        self._method.load_state_dict(strip_prefix("method", state))
-        self.replay.load_compact_state_dict(strip_prefix("replay", state))
+        self.method.load_state_dict(strip_prefix("method", state))
+        self.replay.load_state_dict(strip_prefix("replay", state))
 
 
-class GradientStep:
-    """Replays a gradient step on batches as a CUDA graph: `step(batch)` returns the loss."""
-
-    def __init__(self, step: Callable[[TensorDictBase], Tensor], capture: Capture) -> None:
-        self._keys: list[NestedKey] = []
-        keys = self._keys
-        self._captured = capture(lambda *values: step(make_batch(dict(zip(keys, values, strict=True)))))
-
-    def __call__(self, batch: TensorDictBase) -> Tensor:
-        """Take the step."""
-        self._keys[:] = batch.keys(True, True)
-        loss: Tensor = self._captured(*(batch.get(key) for key in self._keys))
-        return loss
-
-
-def build(
-    setup: Setup,
-    make_replay: Callable[..., StateReplay] = StateReplay,
-    make_loss: type[DoubleDQNLoss] = DoubleDQNLoss,
-    make: type[DoubleDQN] = DoubleDQN,
-    n: int = 1,
-) -> DoubleDQN:
-    """Make double DQN, or one with another replay, loss or update, which take the same arguments.
-
-    Targets bootstrap after `n` rewards.
-    """
-    network, draw, learn, method = setup.network, setup.draw, setup.learn, setup.method
-    device = network.advantage.weight.device
-    network.freeze(method.frozen_layers(0.0))
-    network.backend = make_backend(network, draw, learn, setup.accelerator)
-    is_incremental = not isinstance(network.backend, Dense)
-    encoders: dict[str, Callable[[Tensor], Tensor]] = {}
-    if network.config.linear:
-        # Quick to read and small, so the replay stores them in place of states.
-        encoders[network.observes] = draw
-    elif (
-        is_incremental
-        and setup.accelerator.features is not None
-        and not method.thaws
-        and network.frozen >= network.linear_from
-    ):
-        encoders[FEATURES] = setup.accelerator.features(network, draw, network.backend.dtype)
-    observation, network_input = "state", network.observes
-    for key in encoders:
-        observation = network_input = key
-    actor = QValueActor(network, in_keys=[network_input], action_space="categorical")
-    loss = make_loss(
-        actor, kind=learn.loss, huber_delta=learn.huber_delta, gamma=learn.gamma, write_td_error=False
-    )
-
-    def best_actions(observed: Tensor) -> Tensor:
-        return network(observed if encoders else draw(observed)).argmax(-1)
-
-    # A graph keeps the numbers of its capture, such as a penalty's weight.
-    captures = device.type == "cuda" and type(method).penalty is LearningHooks.penalty
-    capture = setup.accelerator.capture if captures else None
-    best = best_actions if capture is None else capture(best_actions)
-
-    return make(
-        loss=loss,
-        optimiser=ChannelsLastAdam(learning_groups(network, method.rate_factor), lr=learn.lr),
-        replay=make_replay(
-            learn.replay_size,
-            learn.reward_scale,
-            setup.replay,
-            device,
-            observation,
-            None if encoders else DrawPixels(draw),
-            encode=encoders.get(FEATURES),
-            **({"n": n, "gamma": learn.gamma} if n > 1 else {}),
-        ),
-        policy=EpsilonGreedy(best, observation, setup.num_actions, setup.exploration),
-        draw=draw,
-        learn=learn,
-        method=method,
-        encoders=encoders,
-        capture=capture,
-    )
+def build(setup: Setup) -> DoubleDQN:
+    """Make double DQN with the settings of `setup.learn`."""
+    return DoubleDQN(setup)

@@ -8,40 +8,98 @@ environment steps, not episodes; random numbers are drawn in another way than in
 
 from __future__ import annotations
 
-from collections.abc import Callable, Collection, Sequence
+from collections.abc import Callable, Collection, Mapping, Sequence
 from functools import partial
-from typing import Any, Protocol
+from typing import Any
 
 import torch
+import torch.nn.functional as F
 from torch import Generator, Tensor
-from torch.func import stack_module_state
+from torch.func import functional_call, stack_module_state, vmap
 
+from ship_trl.config.network import ConvLayer
 from ship_trl.config.types import Learn
 from ship_trl.learn.algorithm import epsilon_at, learning_rate_at
-from ship_trl.learn.backend import choose_dtype
-from ship_trl.learn.network import DuelingNetwork
+from ship_trl.learn.network import DuelingNetwork, choose_dtype
 from ship_trl.learn.optimiser import ChannelsLastAdam
 from ship_trl.learn.q_learning import Batch, double_dqn_loss, sum_rewards, update
-from ship_trl.learn.stacked import make_stacked_q
 
 # Random numbers that each generator draws at once.
 CHUNK = 64
-Parameters = dict[str, Tensor]
+Parameters = Mapping[str, Tensor]
+# Maps stacked parameters and inputs [K, B, ...] to Q-values, float32 [K, B, A].
+StackedQ = Callable[[Parameters, Tensor], Tensor]
+# Maps states [N, S] and actions int64 [N] to what follows: `state` [N, S], `reward` [N], and bool [N] `goal`,
+# `collision` and `truncated`.
+Step = Callable[[Tensor, Tensor], Any]
 
 
-class Outcome(Protocol):
-    """What follows a step of N environments: states [N, S], rewards [N], and how episodes end, bool [N]."""
+class Windows(torch.autograd.Function):
+    """All windows of maps: [N, H, W, C] to [N * side * side, kernel * kernel * C].
 
-    @property
-    def state(self) -> Tensor: ...  # noqa: D102
-    @property
-    def reward(self) -> Tensor: ...  # noqa: D102
-    @property
-    def goal(self) -> Tensor: ...  # noqa: D102
-    @property
-    def collision(self) -> Tensor: ...  # noqa: D102
-    @property
-    def truncated(self) -> Tensor: ...  # noqa: D102
+    A conv layer is then one matrix product for all networks. As a grouped convolution, to which torch turns
+    stacked filters, its gradient is slow.
+    """
+
+    @staticmethod
+    def forward(ctx: Any, maps: Tensor, layer: ConvLayer) -> Tensor:
+        """Copy the windows."""
+        ctx.layer, ctx.shape, ctx.dtype = layer, maps.shape, maps.dtype
+        windows = maps.unfold(1, layer.kernel, layer.stride).unfold(2, layer.kernel, layer.stride)
+        return windows.permute(0, 1, 2, 4, 5, 3).reshape(-1, layer.kernel**2 * maps.shape[-1])
+
+    @staticmethod
+    def backward(ctx: Any, *gradients: Tensor) -> tuple[Tensor, None]:
+        """Sum up the gradients of each place of the maps, in float32."""
+        (gradient,), layer, (count, _, _, channels) = gradients, ctx.layer, ctx.shape
+        side, kernel, stride = layer.side, layer.kernel, layer.stride
+        windows = gradient.view(count, side, side, kernel, kernel, channels)
+        found = gradient.new_zeros(ctx.shape, dtype=torch.float32)
+        for row in range(kernel):
+            for column in range(kernel):
+                rows, columns = (slice(at, at + stride * side - stride + 1, stride) for at in (row, column))
+                found[:, rows, columns] += windows[:, :, :, row, column]
+        return found.to(ctx.dtype), None
+
+
+def make_stacked_q(network: DuelingNetwork, dtype: torch.dtype = torch.float32) -> StackedQ:
+    """Make the function that computes the Q-values of stacked networks.
+
+    Args:
+        network: one like all of them; its weights are not used.
+        dtype: of the layers below `shared`, if these are conv layers; else all layers compute in float32.
+    """
+    if not network.geometry:
+        return vmap(lambda parameters, seen: functional_call(network, dict(parameters), (seen,)))
+
+    def q_values(parameters: Parameters, pixels: Tensor) -> Tensor:
+        x = pixels.flatten(0, 1).permute(0, 2, 3, 1).to(dtype)
+        for name, layer in zip(network.layer_names, network.geometry, strict=True):
+            windows = x.flatten(1) if layer.whole else Windows.apply(x, layer)
+            weight, bias = layer_of(name, parameters)
+            # The order of a window: rows, columns, channels.
+            weight = weight.permute(0, 1, 3, 4, 2).flatten(2)
+            if name == network.layer_names[0]:  # pixels are from 0 to 255: fewer weights than pixels
+                weight = weight / 255
+            weight, bias = weight.to(dtype), bias.to(dtype)
+            x = F.relu(linear(windows.unflatten(0, (len(bias), -1)), weight, bias))
+            x = x.view(-1, layer.side, layer.side, layer.filters)
+        hidden = x.float().view(*pixels.shape[:2], -1)
+        hidden = F.relu(linear(hidden, *layer_of("shared", parameters)))
+        value, advantage = (linear(hidden, *layer_of(name, parameters)) for name in ("value", "advantage"))
+        return value + advantage - advantage.mean(-1, keepdim=True)
+
+    return q_values
+
+
+def linear(inputs: Tensor, weight: Tensor, bias: Tensor) -> Tensor:
+    """Apply a linear layer of each network: inputs [K, B, I], weight [K, O, I] and bias [K, O]."""
+    return torch.baddbmm(bias[:, None], inputs, weight.mT)
+
+
+def layer_of(name: str, parameters: Parameters) -> tuple[Tensor, Tensor]:
+    """Return the stacked weight and bias of a layer."""
+    return parameters[f"{name}.weight"], parameters[f"{name}.bias"]
 
 
 class Draws:
@@ -71,7 +129,7 @@ class Lockstep:
         networks: of each agent, with its initial weights; all of the same layers.
         frozen: names of the layers of each agent that do not learn.
         begin: initial states, float32 [K, S].
-        step: maps states [N, S] and actions int64 [N] to an `Outcome`.
+        step: see `Step`.
         observe: maps states [..., S] to what a network sees [..., F].
         learn: settings; `episodes` only scales its schedules.
         n: rewards before a target bootstraps.
@@ -86,7 +144,7 @@ class Lockstep:
         networks: Sequence[DuelingNetwork],
         frozen: Sequence[Collection[str]],
         begin: Tensor,
-        step: Callable[[Tensor, Tensor], Outcome],
+        step: Step,
         observe: Callable[[Tensor], Tensor],
         learn: Learn,
         n: int,
@@ -106,12 +164,10 @@ class Lockstep:
         self.online: Parameters = {
             name: value.clone().requires_grad_() for name, value in self.target.items()
         }
-        self._learns = [
-            torch.tensor([float(name.split(".")[0] not in one) for one in frozen], device=device).view(
-                -1, *[1] * (value.dim() - 1)
-            )
-            for name, value in stacked.items()
-        ]
+        for name, value in self.online.items():
+            learns = torch.tensor([float(name.split(".")[0] not in one) for one in frozen], device=device)
+            learns = learns.view(-1, *[1] * (value.dim() - 1))
+            value.register_hook(lambda gradient, learns=learns: gradient * learns)
         self._q = make_stacked_q(networks[0], choose_dtype(learn.precision, device))
         self._exact_q = make_stacked_q(networks[0])
         captured = capture or (lambda function: function)
@@ -179,23 +235,24 @@ class Lockstep:
         # Counted from the oldest row.
         number = (age * held).long()
         oldest = kept - held
-        row = (oldest + number) % self._size
 
-        def read(number: Tensor) -> tuple[Tensor, Tensor]:
-            at = (oldest + number) % self._size, agent, env
-            return self._reward[at], self._ends[at]
+        def place_of(number: Tensor) -> tuple[Tensor, ...]:
+            return (oldest + number) % self._size, agent, env
 
-        def follow(number: Tensor) -> tuple[Tensor, Tensor]:
-            return number + 1, number + 1 < held
-
-        reward, last, length = sum_rewards(self.n, self.learn.gamma, number, read, follow)
-        at = (oldest + last) % self._size
+        reward, last, length = sum_rewards(
+            self.n,
+            self.learn.gamma,
+            number,
+            lambda number: (self._reward[place_of(number)], self._ends[place_of(number)]),
+            lambda number: (number + 1, number + 1 < held),
+        )
+        first, last = place_of(number), place_of(last)
         return (
-            self._before[row, agent, env],
-            self._action[row, agent, env],
+            self._before[first],
+            self._action[first],
             reward[..., None],
-            self._after[at, agent, env],
-            self._terminated[at, agent, env][..., None],
+            self._after[last],
+            self._terminated[last][..., None],
             length[..., None],
         )
 
@@ -219,8 +276,8 @@ class Lockstep:
         networks = partial(self._q, self.online), partial(self._q, self.target)
         loss, _ = double_dqn_loss(*networks, batch, learn.loss, learn.huber_delta)
         # The mean over the agents times their number: the sum of their losses.
-        parameters = list(self.online.values()), list(self.target.values())
-        return update(len(action) * loss, *parameters, self._optimiser, learn.tau, self._learns)
+        parameters = [value.detach() for value in self.online.values()], list(self.target.values())
+        return update(len(action) * loss, *parameters, self._optimiser, learn.tau)
 
     def evaluate(self, begin: Tensor) -> tuple[Tensor, Tensor]:
         """Run greedy episodes: return their returns, float64 [K, M], and if they reach the goal, bool [K, M].
@@ -248,7 +305,7 @@ def as_filters(stacked: Tensor) -> Tensor:
 
 @torch.no_grad()
 def roll_out(
-    step: Callable[[Tensor, Tensor], Outcome], begin: Tensor, choose: Callable[[Tensor, int], Tensor]
+    step: Step, begin: Tensor, choose: Callable[[Tensor, int], Tensor]
 ) -> tuple[Tensor, Tensor, Tensor]:
     """Run an episode from each state [K, M, S]; `choose` maps states and the step to actions [K, M].
 

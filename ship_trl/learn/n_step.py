@@ -2,11 +2,10 @@
 
 from __future__ import annotations
 
-from ship_trl.learn import double_dqn
 from ship_trl.learn.algorithm import Setup
 from ship_trl.learn.double_dqn import DoubleDQN
 
 
 def build(setup: Setup) -> DoubleDQN:
     """Make double DQN with targets of `setup.options["steps"]` rewards."""
-    return double_dqn.build(setup, n=setup.options["steps"])
+    return DoubleDQN(setup, n=setup.options["steps"])

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection
+from collections.abc import Callable, Collection
 from typing import Any, Protocol
 
 import torch
@@ -10,8 +10,18 @@ import torch.nn.functional as F
 from torch import Generator, Tensor, nn
 
 from ship_trl.config.bounds import OWN_NUMBERS, SHIP_NUMBERS
-from ship_trl.config.network import geometry, linear_from, linear_sizes, load_network
-from ship_trl.config.types import Network
+from ship_trl.config.network import (
+    Geometry,
+    geometry,
+    linear_from,
+    linear_sizes,
+    load_network,
+    supports_incremental,
+)
+from ship_trl.config.types import BackendName, Network, Precision, Updates, bfloat16_allowed
+
+# Maps states [..., S] to the network's input: uint8 [..., C, 84, 84], or float32 [..., F].
+Draw = Callable[[Tensor], Tensor]
 
 
 class Backend(Protocol):
@@ -27,6 +37,10 @@ class Backend(Protocol):
     def features_from(self, network: DuelingNetwork, frozen_features: Tensor) -> Tensor:
         """Compute the conv layers after the frozen ones: [B, K] to float32 [B, F]."""
         ...
+
+
+# Makes a backend for the CPU that computes only where pictures differ from the background of `Draw`.
+MakeBackend = Callable[[Draw, torch.dtype, Geometry], Backend]
 
 
 class Dense:
@@ -51,6 +65,39 @@ class Dense:
         """Compute the conv layers after the frozen ones."""
         with torch.autocast(frozen_features.device.type, torch.bfloat16, self.dtype is torch.bfloat16):
             return network.encode_from(frozen_features.float()).float()
+
+
+def make_backend(
+    network: DuelingNetwork, draw: Draw, learn: Updates, incremental: MakeBackend | None
+) -> Backend:
+    """Make the backend that the settings ask for; `auto` means the fastest one that supports the network."""
+    device = network.advantage.weight.device
+    dtype = choose_dtype(learn.precision, device)
+    can_be_incremental = device.type == "cpu" and supports_incremental(network.geometry)
+    is_dense = learn.backend is BackendName.dense
+    if is_dense or incremental is None or (learn.backend is BackendName.auto and not can_be_incremental):
+        return Dense(dtype)
+    return incremental(draw, dtype, network.geometry)
+
+
+def choose_dtype(precision: Precision, device: torch.device) -> torch.dtype:
+    """Choose the precision of the conv layers, or of the fully connected ones where there are no others.
+
+    `auto` is bfloat16 where the device multiplies it natively, unless `SHIP_TRL_BFLOAT16=off` is set.
+
+    Raises:
+        ConfigError: this environment variable is neither `on` nor `off`.
+    """
+    if not bfloat16_allowed():
+        native = False
+    elif device.type == "cuda":
+        native = torch.cuda.is_bf16_supported(including_emulation=False)
+    else:
+        capabilities = torch.cpu.get_capabilities()
+        native = any(capabilities.get(name) for name in ("avx512_bf16", "amx_bf16"))
+    if precision is Precision.bf16 or (precision is Precision.auto and native):
+        return torch.bfloat16
+    return torch.float32
 
 
 class DuelingNetwork(nn.Module):

@@ -9,7 +9,6 @@ import torch
 from torch import Tensor, nn
 
 from ship_trl.learn.network import DuelingNetwork
-from ship_trl.learn.prefix import copy_exactly
 
 
 class ChannelsLastAdam(torch.optim.Optimizer):
@@ -19,14 +18,8 @@ class ChannelsLastAdam(torch.optim.Optimizer):
     conv4. Kernel, results and state names are the same as in `torch.optim.Adam(fused=True)`.
     """
 
-    def __init__(
-        self,
-        params: Iterable[Tensor] | Iterable[dict[str, Any]],
-        lr: float,
-        betas: tuple[float, float] = (0.9, 0.999),
-        eps: float = 1e-8,
-    ) -> None:
-        super().__init__(params, {"lr": lr, "betas": betas, "eps": eps, "factor": 1.0})
+    def __init__(self, params: Iterable[Tensor] | Iterable[dict[str, Any]], lr: float) -> None:
+        super().__init__(params, {"lr": lr, "betas": (0.9, 0.999), "eps": 1e-8, "factor": 1.0})
         device = self.param_groups[0]["params"][0].device
         if device.type == "cuda":
             # A CUDA graph would keep a Python number. Groups that are added later share the tensor.
@@ -43,10 +36,8 @@ class ChannelsLastAdam(torch.optim.Optimizer):
             group["lr"] = group["lr"].fill_(own) if isinstance(group["lr"], Tensor) else own
 
     @torch.no_grad()
-    def step(self, closure: Callable[[], float] | None = None) -> None:  # type: ignore[override]
+    def step(self) -> None:  # type: ignore[override]
         """Update all parameters that have a gradient."""
-        if closure is not None:
-            raise ValueError("closure: not supported; call backward before the step")
         for group in self.param_groups:
             learning = [parameter for parameter in group["params"] if parameter.grad is not None]
             if not learning:
@@ -54,11 +45,12 @@ class ChannelsLastAdam(torch.optim.Optimizer):
             states = [self.state[parameter] or self.init_state(parameter) for parameter in learning]
             steps = [state["step"] for state in states]
             torch._foreach_add_(steps, 1.0)
+            rows = (
+                [in_memory_order(one, p) for one in (p, p.grad, state["exp_avg"], state["exp_avg_sq"])]
+                for p, state in zip(learning, states, strict=True)
+            )
             torch._fused_adam_(
-                [in_memory_order(parameter, parameter) for parameter in learning],
-                [in_memory_order(parameter.grad, parameter) for parameter in learning],
-                [in_memory_order(s["exp_avg"], p) for s, p in zip(states, learning, strict=True)],
-                [in_memory_order(s["exp_avg_sq"], p) for s, p in zip(states, learning, strict=True)],
+                *map(list, zip(*rows, strict=True)),
                 [],
                 steps,
                 lr=group["lr"],
@@ -99,7 +91,7 @@ class ChannelsLastAdam(torch.optim.Optimizer):
         for name, parameter in network.named_parameters():
             if f"{name}.step" in averages:
                 for key, value in self.init_state(parameter).items():
-                    copy_exactly(value, averages[f"{name}.{key}"])
+                    value.copy_(averages[f"{name}.{key}"])
 
 
 def learning_groups(network: DuelingNetwork, factor: Callable[[str], float]) -> list[dict[str, Any]]:

@@ -5,13 +5,12 @@ Shapes: [..., B] is [B] for one agent and [K, B] for stacked ones. `DoubleDQNLos
 
 from __future__ import annotations
 
-import copy
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from typing import Any, NamedTuple
 
 import torch
 import torch.nn.functional as F
-from tensordict import TensorDict, TensorDictBase
+from tensordict import NestedKey, TensorDict, TensorDictBase
 from tensordict.nn import dispatch
 from torch import Tensor
 from torchrl.modules import QValueActor
@@ -38,6 +37,21 @@ class Batch(NamedTuple):
     following: Tensor
     terminated: Tensor
     discount: float | Tensor
+
+
+def read_batch(
+    transitions: TensorDictBase, observation: NestedKey, gamma: float, keys: Any = DQNLoss.default_keys
+) -> Batch:
+    """Read transitions [B], of one step or of `steps_to_next_obs` [B, 1], by TorchRL's keys."""
+    following, steps = transitions.get("next"), transitions.get(STEPS, None)
+    return Batch(
+        transitions.get(observation),
+        transitions.get(keys.action),
+        following.get(keys.reward),
+        following.get(observation),
+        following.get(keys.terminated),
+        gamma if steps is None else gamma**steps,
+    )
 
 
 def td_target(
@@ -115,35 +129,27 @@ def sum_rewards(
 
 def update(
     loss: Tensor,
-    online: Sequence[Tensor],
-    target: Sequence[Tensor],
+    online: list[Tensor],
+    target: list[Tensor],
     optimiser: torch.optim.Optimizer,
     tau: float,
-    learns: Sequence[Tensor] = (),
 ) -> Tensor:
     """Take a gradient step, and move the target parameters towards the online ones by the fraction `tau`.
 
-    `learns` [K, 1, ...] are 0 for stacked parameters that do not learn, and 1 for others. Return the loss.
+    Return the loss.
     """
     optimiser.zero_grad(set_to_none=True)
     loss.backward()
-    for parameter, factor in zip(online, learns, strict=False):
-        assert parameter.grad is not None
-        parameter.grad.mul_(factor)
     optimiser.step()
-    torch._foreach_lerp_([one.data for one in target], [one.data for one in online], tau)
+    with torch.no_grad():
+        torch._foreach_lerp_(target, online, tau)
     return loss.detach()
 
 
-def mark_loaded(loss: DQNLoss, *_: Any) -> None:
-    """Mark the weights of a loss as changed: TorchRL loads them by `data`, which has no version."""
-    torch.autograd.graph.increment_version(list(loss.parameters()))
-
-
 class DoubleDQNLoss(DQNLoss):
-    """TorchRL's `DQNLoss` for double DQN, with a Huber threshold and several times less overhead.
+    """TorchRL's `DQNLoss` for double DQN by the functions of this file, with a Huber threshold.
 
-    Keys, target parameters and updaters are the same as in `DQNLoss`. The networks are called directly, not
+    Keys, target parameters and updaters are those of `DQNLoss`. The networks are called directly, not
     through the actor. Actions are indices [B]. Priority weights, masks, reductions and value estimators
     other than TD(0) are not supported.
 
@@ -152,80 +158,37 @@ class DoubleDQNLoss(DQNLoss):
         kind: formula of the loss, see `td_loss`.
         huber_delta: Huber threshold, in scaled rewards.
         gamma: discount per step.
-        write_td_error: whether to write `td_error` into the transitions; uniform replay does not need it.
     """
 
     def __init__(
-        self,
-        value_network: QValueActor,
-        *,
-        kind: Loss = Loss.l2,
-        huber_delta: float = 1.0,
-        gamma: float,
-        write_td_error: bool = True,
+        self, value_network: QValueActor, *, kind: Loss = Loss.l2, huber_delta: float = 1.0, gamma: float
     ) -> None:
         # TorchRL's formula is unused.
         super().__init__(value_network, loss_function="l2", double_dqn=True, action_space="categorical")
         self.kind, self.huber_delta, self.gamma = kind, huber_delta, gamma
-        self.write_td_error = write_td_error
         self.make_value_estimator(gamma=gamma)
-        network = value_network[0].module
-        # Not registered as modules: the loss holds their parameters already.
-        target = copy.deepcopy(network).requires_grad_(False)
-        self.__dict__.update(network=network, target_network=target)
-        self._target_layers = dict(target.named_children())
-        self._share_target()
-        self.register_load_state_dict_post_hook(mark_loaded)
+        # TorchRL loads weights by `data`, which has no version.
+        self.register_load_state_dict_post_hook(
+            lambda loss, _: torch.autograd.graph.increment_version(list(loss.parameters()))
+        )
 
-    def _share_target(self) -> None:
-        """Make the target network use the loss's target parameters."""
-        for name, layer in self._target_layers.items():
-            setattr(self.target_network, name, layer)
-        # Attribute access would warn until an updater exists.
-        params: Any = dict(self.named_children())["target_value_network_params"]
-        params["module", "0", "module"].to_module(self.target_network)
-        self.share_frozen()
+    def network(self, observation: Tensor) -> Tensor:
+        """Compute the Q-values of the network that learns."""
+        return self._q_values(self.value_network_params, observation)
 
-    def share_frozen(self) -> None:
-        """Let the target network use the layers that do not learn, so that a backend computes them once.
+    def target_network(self, observation: Tensor) -> Tensor:
+        """Compute the Q-values of the target network, without gradients for its weights."""
+        return self._q_values(self.target_value_network_params, observation)
 
-        A layer that learns has a target of its own, which begins with its weights if it was frozen before.
-        """
-        for name, layer in self.network.named_children():
-            if not any(parameter.requires_grad for parameter in layer.parameters()):
-                setattr(self.target_network, name, layer)
-            elif getattr(self.target_network, name) is layer:
-                self._target_layers[name].load_state_dict(layer.state_dict())
-                setattr(self.target_network, name, self._target_layers[name])
-
-    def _apply(self, fn: Any, recurse: bool = True) -> Any:
-        """Move or cast the loss and its target network."""
-        moved = super()._apply(fn)
-        if "_target_layers" in self.__dict__:
-            self._share_target()
-        return moved
-
-    def __deepcopy__(self, memo: Any) -> Any:
-        """Raise an error: the networks of a copy would not use the copy's parameters."""
-        raise TypeError("a DoubleDQNLoss cannot be copied; build a new one around a copy of its network")
+    def _q_values(self, parameters: TensorDictBase, observation: Tensor) -> Tensor:
+        with parameters.to_module(self.value_network):
+            return self.value_network[0].module(observation)
 
     @dispatch
     def forward(self, tensordict: TensorDictBase) -> TensorDict:
-        """Compute the loss of transitions [B], of one step or of `steps_to_next_obs` [B, 1].
-
-        If `write_td_error`, write the squared `td_error` [B, 1].
-        """
-        keys, (observation,) = self.tensor_keys, self.value_network_in_keys
-        following = tensordict.get("next")
-        batch = Batch(
-            tensordict.get(observation),
-            tensordict.get(keys.action),
-            following.get(keys.reward),
-            following.get(observation),
-            following.get(keys.terminated),
-            self.gamma if (steps := tensordict.get(STEPS, None)) is None else self.gamma**steps,
-        )
+        """Compute the loss of transitions [B], as `read_batch`; write the squared `td_error` [B, 1]."""
+        (observation,) = self.value_network_in_keys
+        batch = read_batch(tensordict, observation, self.gamma, self.tensor_keys)
         loss, error = double_dqn_loss(self.network, self.target_network, batch, self.kind, self.huber_delta)
-        if self.write_td_error:
-            tensordict.set(keys.priority, error.square())
+        tensordict.set(self.tensor_keys.priority, error.square())
         return TensorDict({"loss": loss})

@@ -14,7 +14,7 @@ from torch import Generator, Tensor
 from torchrl.data import ReplayBuffer, RoundRobinWriter, Storage, TensorDictReplayBuffer
 from torchrl.envs.transforms import Transform
 
-from ship_trl.learn.prefix import strip_prefix
+from ship_trl.learn.algorithm import add_prefix, strip_prefix
 from ship_trl.learn.q_learning import STEPS, sum_rewards
 
 STATES: tuple[NestedKey, ...] = ("state", ("next", "state"))
@@ -108,18 +108,6 @@ class TransitionStorage(Storage):
         summed: dict[NestedKey, Tensor] = {("next", "reward"): reward[:, None], STEPS: count[:, None]}
         return make_batch(shown | summed, self.device)
 
-    def rows(self) -> dict[NestedKey, Tensor]:
-        """Return the stored tensors [L, ...] by key, also hidden ones, without copying them."""
-        return {key: rows[: self._len] for key, rows in self._rows.items()}
-
-    def load_rows(self, rows: Mapping[NestedKey, Tensor]) -> None:
-        """Load what `rows` returned; `write` may add further keys with the same number of rows."""
-        self._rows, self._len = {}, 0
-        for key, value in rows.items():
-            self._len = len(value)
-            self._rows[key] = value.new_zeros((self.max_size, *value.shape[1:]), device=self.device)
-            self._rows[key][: self._len] = value
-
     def write(self, key: NestedKey, number: int, value: Tensor) -> Tensor:
         """Write row `number` of a key, and return the stored row."""
         if key not in self._rows:
@@ -128,33 +116,23 @@ class TransitionStorage(Storage):
         return self._rows[key][number]
 
     def state_dict(self) -> dict[str, Any]:
-        """Return the transitions and their number."""
-        rows = {key: rows.clone() for key, rows in self._rows.items()}
-        return {"rows": rows, "length": self._len, "newest": self.newest}
+        """Return the stored tensors [L, ...] by dotted keys, also hidden ones, without copying them."""
+        return {join_key(key): rows[: self._len] for key, rows in self._rows.items()}
 
-    def load_state_dict(self, state_dict: dict[str, Any]) -> None:
-        """Load what `state_dict` of a storage of this capacity returned; raise ValueError for another one."""
-        for rows in state_dict["rows"].values():
-            check_capacity(len(rows), self.max_size)
-        self._rows = {key: rows.to(self.device, copy=True) for key, rows in state_dict["rows"].items()}
-        self._len, self.newest = state_dict["length"], state_dict["newest"]
+    def load_state_dict(self, state_dict: Mapping[str, Tensor]) -> None:
+        """Load what `state_dict` returned; `write` may add further keys with the same number of rows."""
+        self._rows, self._len = {}, 0
+        for name, value in state_dict.items():
+            self._len, key = len(value), unravel_key(tuple(name.split(".")))
+            self._rows[key] = value.new_zeros((self.max_size, *value.shape[1:]), device=self.device)
+            self._rows[key][: self._len] = value
 
     def dumps(self, path: Any) -> None:
         """Raise an error: TorchRL would write a replay without its transitions."""
         raise NotImplementedError("not supported; save state_dict() instead")
 
-    def loads(self, path: Any) -> None:
-        """Raise an error: use `load_state_dict`."""
-        raise NotImplementedError("not supported; use load_state_dict() instead")
-
     def _empty(self) -> None:
         self._len = 0
-
-
-def check_capacity(found: int, wanted: int) -> None:
-    """Raise ValueError if a replay's state does not hold as many rows as it must."""
-    if found != wanted:
-        raise ValueError(f"the state of a replay has {found} rows; allowed: {wanted}, of the same capacity")
 
 
 def join_key(key: NestedKey) -> str:
@@ -208,7 +186,11 @@ class StateReplay(TensorDictReplayBuffer):
         self._pending: list[dict[NestedKey, Tensor]] = []
         self.reward_scale, self.observation = reward_scale, observation
         self.generator, self._encode, self._n = generator, encode, n
-        hidden = frozenset[NestedKey](STATES if encode is not None else ())
+        # The keys that can be recomputed, each with the key of the states to compute it from.
+        self._computed: dict[NestedKey, NestedKey] = {}
+        if encode is not None:
+            self._computed = {observation: STATES[0], ("next", observation): STATES[1]}
+        hidden = frozenset(self._computed.values())
         storage, writer = TransitionStorage(capacity, device, hidden, n, gamma), RoundRobinWriter()
         super().__init__(
             storage=storage,
@@ -233,12 +215,11 @@ class StateReplay(TensorDictReplayBuffer):
     def entries(self, step: TensorDictBase) -> dict[NestedKey, Tensor]:
         """Return what is stored of a step: copies, because the caller may reuse its memory."""
         following = step.get("next")
-        extra_keys = STATES if self._encode is not None else ()
         count = step.batch_size[0]
         strides = {STRIDE: torch.full((count,), count, device=step.device)} if self._n > 1 else {}
         return (
             strides
-            | {key: step.get(key).clone() for key in extra_keys}
+            | {key: step.get(key).clone() for key in self._computed.values()}
             | {
                 self.observation: step.get(self.observation).clone(),
                 "action": step.get("action").clone(),
@@ -258,62 +239,48 @@ class StateReplay(TensorDictReplayBuffer):
         self._pending.clear()
         super().empty(*args, **kwargs)
 
-    def state_dict(self) -> dict[str, Any]:
-        """Return all transitions and the state of writer and sampler."""
-        self._store()
-        return dict(super().state_dict())
-
-    def load_state_dict(self, state_dict: dict[str, Any]) -> None:
-        """Load what `state_dict` returned, and drop pending steps; raise ValueError for another capacity."""
-        super().load_state_dict(state_dict)
-        self._pending.clear()
-
-    def compact_state_dict(self) -> dict[str, Tensor]:
+    def state_dict(self) -> dict[str, Tensor]:
         """Return what a checkpoint needs to resume with the same transitions and draws, by dotted names.
 
         Leave out observations that can be recomputed. Tensors are not copied.
         """
         self._store()
-        computed, writer = self._computed_keys(), self._writer.state_dict()
-        rows = {key: value for key, value in self._storage.rows().items() if key not in computed}
+        writer, computed = self._writer.state_dict(), set(map(join_key, self._computed))
+        rows = self._storage.state_dict()
         return {
-            **{f"rows.{join_key(key)}": value for key, value in rows.items()},
+            **add_prefix("rows", {key: value for key, value in rows.items() if key not in computed}),
             "cursor": torch.tensor([writer["_cursor"], writer["_write_count"]]),
             "generator": self.generator.get_state(),
         }
 
-    def load_compact_state_dict(self, state: Mapping[str, Tensor]) -> None:
-        """Load what `compact_state_dict` returned, and recompute the observations that it left out.
+    def load_state_dict(self, state_dict: Mapping[str, Tensor]) -> None:
+        """Load what `state_dict` returned, and recompute the observations that it left out.
 
         Raises:
             ValueError: the state is of another capacity, or its rows do not fit.
         """
-        named = strip_prefix("rows", state)
-        rows: dict[NestedKey, Tensor] = {unravel_key(tuple(name.split("."))): v for name, v in named.items()}
-        cursor, count = state["cursor"].tolist()
-        for value in rows.values():
-            check_capacity(len(value), min(count, self._storage.max_size))
+        rows = strip_prefix("rows", state_dict)
+        cursor, count = state_dict["cursor"].tolist()
+        wanted, found = min(count, self._storage.max_size), {len(value) for value in rows.values()}
+        if found - {wanted}:
+            raise ValueError(
+                f"the state of a replay has {max(found)} rows; allowed: {wanted}, of the same capacity"
+            )
         self._pending.clear()
-        self._storage.load_rows(rows)
+        self._storage.load_state_dict(rows)
         if rows:
             self._recompute(rows)
         self._writer.load_state_dict({"_cursor": cursor, "_write_count": count})
         self._storage.newest = (cursor - 1) % self._storage.max_size
-        self.generator.set_state(state["generator"].cpu())
+        self.generator.set_state(state_dict["generator"].cpu())
 
-    def _computed_keys(self) -> dict[NestedKey, NestedKey]:
-        """Return the keys that can be recomputed, each with the key of the states to compute it from."""
-        if self._encode is None:
-            return {}
-        return {self.observation: STATES[0], ("next", self.observation): STATES[1]}
-
-    def _recompute(self, rows: Mapping[NestedKey, Tensor]) -> None:
+    def _recompute(self, rows: Mapping[str, Tensor]) -> None:
         """Recompute observations from the stored states, directly into the storage."""
         # The state after a step is usually also the state before the next one: encode it only once.
         encoded: dict[bytes, Tensor] = {}
-        for key, source in self._computed_keys().items():
+        for key, source in self._computed.items():
             assert self._encode is not None
-            for number, state in enumerate(rows[source].split(1)):
+            for number, state in enumerate(rows[join_key(source)].split(1)):
                 bits = state.cpu().numpy().tobytes()
                 observation = encoded[bits] if bits in encoded else self._encode(state)[0]
                 encoded[bits] = self._storage.write(key, number, observation)

@@ -1,14 +1,22 @@
-"""Roll out any policy. Steps are deterministic, so one episode of a greedy policy from a start is exact."""
+"""Policies of Q-networks, and episodes of any policy.
+
+Steps are deterministic, so one episode of a greedy policy from a start is exact.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+import copy
+from collections.abc import Callable, Collection, Sequence
 from dataclasses import dataclass
 
 import torch
 from tensordict import NestedKey, TensorDictBase
-from torch import Tensor
+from tensordict.nn import TensorDictModule, TensorDictModuleBase, TensorDictSequential
+from torch import Generator, Tensor
 from torchrl.envs import EnvBase
+from torchrl.modules import QValueActor
+
+from ship_trl.learn.network import Dense, Draw, DuelingNetwork
 
 # Steps for which memory is taken at first.
 STEPS = 64
@@ -19,6 +27,55 @@ KEPT: tuple[NestedKey, ...] = (
 )
 # Reads a tensordict with `state` and writes `action`, as every policy module of TorchRL does.
 Policy = Callable[[TensorDictBase], TensorDictBase]
+
+
+def greedy_policy(network: DuelingNetwork, draw: Draw) -> TensorDictSequential:
+    """Return the policy that takes the action with the highest Q-value.
+
+    It reads `state` [N, S] and writes the key that the network observes, `action_value` float32 [N, A],
+    `chosen_action_value` [N, 1] and `action` int64 [N]. `draw` maps states to the network's input.
+    """
+    keys: list[NestedKey] = [network.observes]
+    return TensorDictSequential(
+        TensorDictModule(draw, in_keys=["state"], out_keys=keys),
+        QValueActor(network, in_keys=keys, action_space="categorical"),
+    )
+
+
+class EpsilonGreedy(TensorDictModuleBase):
+    """Writes `action` int64 [N]: with probability `epsilon` a random one, else the best.
+
+    TorchRL's `EGreedyModule` draws from torch's global generator, and computes Q-values for every row. This
+    module draws from the run's own generator, and on a CPU computes Q-values only for rows that do not
+    explore. The number of draws does not depend on `epsilon`, which the training loop sets.
+
+    `best` maps observations [N, ...], read from the key `observation`, to the best actions, int64 [N].
+    """
+
+    def __init__(
+        self, best: Callable[[Tensor], Tensor], observation: str, num_actions: int, generator: Generator
+    ) -> None:
+        super().__init__()
+        self.in_keys, self.out_keys = [observation], ["action"]
+        self.best, self.num_actions, self.generator = best, num_actions, generator
+        self.epsilon = 1.0
+
+    @torch.no_grad()
+    def forward(self, tensordict: TensorDictBase) -> TensorDictBase:
+        """Choose an action for each row."""
+        observation = tensordict.get(self.in_keys[0])
+        count, device = observation.shape[0], observation.device
+        explore = torch.rand(count, generator=self.generator, device=device) < self.epsilon
+        action = torch.randint(self.num_actions, (count,), generator=self.generator, device=device)
+        if device.type == "cuda":
+            # All rows: to know which ones explore would wait for all earlier operations.
+            return tensordict.set("action", torch.where(explore, action, self.best(observation)))
+        explorers = sum(explore.tolist())
+        if explorers == 0:
+            action = self.best(observation)
+        elif explorers < count:
+            action[~explore] = self.best(observation[~explore])
+        return tensordict.set("action", action)
 
 
 @dataclass(frozen=True)
@@ -119,3 +176,51 @@ def extract_episode(kept: dict[NestedKey, Tensor], row: int, length: int) -> Epi
         collision=bool(last("collision")),
         dcpa=float(last("dcpa")),
     )
+
+
+def jumpstart(
+    env: EnvBase,
+    draw: Draw,
+    network: DuelingNetwork,
+    kept: Collection[str],
+    draws: int,
+    generator: Generator,
+) -> list[float]:
+    """Compute the greedy returns of `draws` networks, which copy the layers `kept` of `network`.
+
+    Their other layers are drawn anew; `network` stays as it is. One draw tells little: an untrained network
+    often repeats one action, and may reach the goal by chance. The batch size of `env` limits how many
+    episodes run side by side. `draw` maps states to pixels, and `generator` is on the CPU.
+    """
+    redrawn = copy.deepcopy(network).cpu()
+    networks = [copy.deepcopy(network) for _ in range(min(draws, env.batch_size[0]))]
+    for each in networks:
+        each.backend = Dense()
+    returns: list[float] = []
+    while len(returns) < draws:
+        count = min(len(networks), draws - len(returns))
+        for each in networks[:count]:
+            redrawn.reset(generator, kept)
+            each.load_state_dict(redrawn.state_dict())
+        returns += run_episodes(env, draw, networks[:count])
+    return returns
+
+
+@torch.no_grad()
+def run_episodes(env: EnvBase, draw: Draw, networks: Sequence[DuelingNetwork]) -> list[float]:
+    """Run one greedy episode of each network, in the first rows of the batch, and return their returns."""
+    step = env.reset()
+    totals = torch.zeros(len(networks), dtype=torch.float64, device=env.device)
+    running = list(range(len(networks)))
+    while running:
+        action = torch.zeros(env.batch_size, dtype=torch.int64, device=env.device)
+        # All rows: on a GPU each number of rows would be captured anew.
+        seen = draw(step["state"])
+        for ship in running:
+            action[ship] = networks[ship](seen[ship : ship + 1])[0].argmax()
+        stepped, step = env.step_and_maybe_reset(step.set("action", action))
+        after = stepped["next"]
+        totals[running] += after["reward"][running, 0]
+        ended = after["done"].squeeze(-1).tolist()
+        running = [ship for ship in running if not ended[ship]]
+    return [float(total) for total in totals]

@@ -11,8 +11,7 @@ from tensordict import TensorDict, TensorDictBase
 from torchrl.envs import EnvBase
 
 from ship_trl.config.types import Schedule
-from ship_trl.learn.algorithm import Algorithm, DivergedError
-from ship_trl.learn.prefix import add_prefix, copy_exactly, strip_prefix
+from ship_trl.learn.algorithm import Algorithm, DivergedError, add_prefix, strip_prefix
 from ship_trl.learn.rollout import Episode, mean_return, outcome, rollout
 
 
@@ -178,8 +177,8 @@ class Training:
         if state["counters"].dtype is not torch.int64:
             raise TypeError("counters must be int64")
         self.episode, self.steps = state["counters"].tolist()
-        copy_exactly(self._returns, state["returns"])
-        copy_exactly(self._lengths, state["lengths"])
+        self._returns.copy_(state["returns"])
+        self._lengths.copy_(state["lengths"])
         device = self._env.device
         self._losses = list(state["losses"].to(device))
         self._loss_steps = state["loss_steps"].tolist()

@@ -18,8 +18,7 @@ from torch import Generator, Tensor, nn
 from ship_trl.config.errors import ConfigError
 from ship_trl.config.imports import import_function, name_in_errors
 from ship_trl.learn.network import DuelingNetwork, make_network
-from ship_trl.learn.policy import greedy_policy
-from ship_trl.learn.rollout import Policy
+from ship_trl.learn.rollout import Policy, greedy_policy
 from ship_trl.policies.pretrained import find
 from ship_trl.policies.registry import POLICIES, Kind, kind_of
 from ship_trl.sim.env import ShipEnv

@@ -24,8 +24,7 @@ from ship_trl.config.world import world_values
 from ship_trl.fast.worlds import make_env, make_starts, make_step
 from ship_trl.files.disk import atomic_write, read_json
 from ship_trl.learn.network import DuelingNetwork
-from ship_trl.learn.policy import greedy_policy
-from ship_trl.learn.rollout import Policy, rollout
+from ship_trl.learn.rollout import Policy, greedy_policy, rollout
 from ship_trl.policies.planner import Plan, best_plan
 from ship_trl.sim.cases import Case
 from ship_trl.sim.env import ShipEnv

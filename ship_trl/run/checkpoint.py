@@ -21,7 +21,7 @@ from torch import Tensor
 from ship_trl.config.errors import ConfigError
 from ship_trl.config.schema import read_as
 from ship_trl.files.disk import atomic_write, remove, write_tensors
-from ship_trl.learn.prefix import add_prefix, strip_prefix
+from ship_trl.learn.algorithm import add_prefix, strip_prefix
 from ship_trl.run import console
 from ship_trl.run.plan import CHECKPOINTS, HEADER_KEY, Run
 from ship_trl.run.setup import Parts

@@ -15,15 +15,11 @@ from torch import Generator
 from ship_trl.config.arm import FORMS, SourceWeights, TransferMethodName
 from ship_trl.config.errors import ConfigError
 from ship_trl.config.types import Schedule
-from ship_trl.fast.learning import accelerator
-from ship_trl.fast.worlds import make_env, make_starts
+from ship_trl.fast.worlds import accelerator, make_env, make_starts
 from ship_trl.files.curve import Row
 from ship_trl.learn.algorithm import Algorithm, Setup, Teacher, build_algorithm
-from ship_trl.learn.backend import Draw
-from ship_trl.learn.jumpstart import jumpstart
-from ship_trl.learn.network import DuelingNetwork, make_network
-from ship_trl.learn.policy import greedy_policy
-from ship_trl.learn.rollout import Episode, mean_return, rollout
+from ship_trl.learn.network import Draw, DuelingNetwork, make_network
+from ship_trl.learn.rollout import Episode, greedy_policy, jumpstart, mean_return, rollout
 from ship_trl.learn.train import Training
 from ship_trl.policies.named import load_network
 from ship_trl.policies.pretrained import PRETRAINED, REWARD_SCALE

@@ -65,7 +65,7 @@ def describe_similarity(base: Case, target: Case) -> tuple[str, str]:
     return common or "0", different or "0"
 
 
-def similarity(base: Case, target: Case) -> float:
+def similarity(base: Case, target: Case, _: World | None = None) -> float:
     """Compute equation 8, from 0 (nothing in common) to 1 (equal)."""
     comparisons = compare(base, target)
     common = ALPHA * sum(one.common for one in comparisons)
@@ -103,11 +103,25 @@ def characteristics(case: Case, world: World) -> dict[str, float]:
     }
 
 
-def distance(base: Case, target: Case, world: World, weights: dict[str, float] | None = None) -> float:
-    """Compute equation 7 as a weighted Euclidean distance; 0 means equal cases."""
+def distance(base: Case, target: Case, world: World) -> float:
+    """Compute equation 7 as a Euclidean distance; 0 means equal cases."""
     a, b = characteristics(base, world), characteristics(target, world)
-    weight = weights or dict.fromkeys(a, 1.0)
-    return math.sqrt(sum(weight[name] * (a[name] - b[name]) ** 2 for name in a))
+    return math.sqrt(sum((a[name] - b[name]) ** 2 for name in a))
+
+
+def same_side(base: Case, target: Case, _: World | None = None) -> float:
+    """Return 1 if the ideal paths pass the ships on the same side, or both go straight, else 0.
+
+    A null for equation 8: finetuning does worse where paths pass an obstacle on different sides (Cao et al.,
+    2021, transfer across homotopy classes).
+    """
+    one, other = (case.ideal_path.partition("-")[0] for case in (base, target))
+    return float(one == other)
+
+
+def ships_apart(base: Case, target: Case, _: World | None = None) -> float:
+    """Return by how much the numbers of target ships differ: another null for equation 8."""
+    return float(abs(len(base.target_ships) - len(target.target_ships)))
 
 
 @dataclass(frozen=True)
@@ -121,25 +135,10 @@ class Measure:
     nearer: bool = False
 
 
-def same_side(base: Case, target: Case) -> float:
-    """Return 1 if the ideal paths pass the ships on the same side, or both go straight, else 0.
-
-    A null for equation 8: finetuning does worse where paths pass an obstacle on different sides (Cao et al.,
-    2021, transfer across homotopy classes).
-    """
-    one, other = (case.ideal_path.partition("-")[0] for case in (base, target))
-    return float(one == other)
-
-
-def ships_apart(base: Case, target: Case) -> float:
-    """Return by how much the numbers of target ships differ: another null for equation 8."""
-    return float(abs(len(base.target_ships) - len(target.target_ships)))
-
-
 # By their names on the command line.
 MEASURES = {
-    "similarity": Measure(lambda base, target, _: similarity(base, target)),
+    "similarity": Measure(similarity),
     "distance": Measure(distance, nearer=True),
-    "side": Measure(lambda base, target, _: same_side(base, target)),
-    "ships": Measure(lambda base, target, _: ships_apart(base, target), nearer=True),
+    "side": Measure(same_side),
+    "ships": Measure(ships_apart, nearer=True),
 }

@@ -14,8 +14,7 @@ from torch import Generator, Tensor
 from ship_trl.config.types import World
 from ship_trl.fast.worlds import make_env
 from ship_trl.learn.network import DuelingNetwork
-from ship_trl.learn.policy import greedy_policy
-from ship_trl.learn.rollout import Episode, rollout
+from ship_trl.learn.rollout import Episode, greedy_policy, rollout
 from ship_trl.policies.named import load_network, load_policy
 from ship_trl.policies.reference import best_known, score_bounds
 from ship_trl.sim.cases import Case

@@ -11,9 +11,10 @@ from torchrl.modules import QValueActor
 from torchrl.objectives import DQNLoss, SoftUpdate
 
 from benchmarks.learning import peer_loop
-from benchmarks.ours import frozen_layers, learn_config, make_ours
+from benchmarks.ours import learn_config, make_ours
 from benchmarks.peers import PEERS, PlainNetwork, TunedLoop, TunedNetwork, make_peer, to_blocks
 from benchmarks.timing import measure
+from ship_trl.config.arm import Arm
 
 SHORT = ("learn.replay_size=300", "learn.batch_size=8")
 
@@ -78,6 +79,6 @@ def test_our_arms_learn_all_but_their_frozen_layers(arm: str) -> None:
     before = copy.deepcopy(ours.algorithm.online_network)
     ours.training.begin()
     ours.train(24)
-    frozen = [f"conv{k + 1}" for k in range(frozen_layers(arm))]
+    frozen = [f"conv{k + 1}" for k in range(Arm.parse(arm).frozen_layers)]
     for name, moved in changed(ours.algorithm.online_network, before).items():
         assert moved != (name.split(".")[0] in frozen), name

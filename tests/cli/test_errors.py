@@ -11,8 +11,7 @@ from safetensors.torch import load_file
 from torch import Generator
 
 from ship_trl.config.types import Precision
-from ship_trl.learn.backend import choose_dtype
-from ship_trl.learn.network import DuelingNetwork
+from ship_trl.learn.network import DuelingNetwork, choose_dtype
 from ship_trl.run.plan import make_run
 from ship_trl.transfer.weights import permute_values
 from tests.command import files, ship_trl

@@ -4,14 +4,12 @@ import pytest
 import torch
 from torch import Generator, Tensor
 
-from ship_trl.config.network import geometry
-from ship_trl.config.types import BFLOAT16, BackendName, Precision
+from ship_trl.config.types import BFLOAT16, Precision
 from ship_trl.fast.incremental import Incremental
-from ship_trl.fast.learning import FAST
-from ship_trl.learn.backend import Accelerator, choose_backend, choose_dtype
-from ship_trl.learn.network import Dense, DuelingNetwork
+from ship_trl.fast.worlds import make_incremental
+from ship_trl.learn.network import Dense, DuelingNetwork, choose_dtype, make_backend
 from tests.learn.networks import NETWORKS, ODD
-from tests.learn.worlds import draw
+from tests.learn.worlds import draw, schedule
 
 
 def both(network: DuelingNetwork, dtype: torch.dtype, frames: Tensor) -> list[Tensor]:
@@ -78,10 +76,7 @@ def test_bfloat16_that_is_off_must_be_asked_for(
 
 @pytest.mark.parametrize("name", [*NETWORKS, *ODD])
 def test_auto_is_incremental_where_supported(name: str) -> None:
-    layers = geometry((NETWORKS | ODD)[name])
-    for device, able in (("cpu", name in NETWORKS), ("cuda", False)):
-        for accelerator, fast in ((FAST, Incremental), (Accelerator(), Dense)):
-            chosen = choose_backend(
-                BackendName.auto, draw, torch.float32, torch.device(device), layers, accelerator
-            )
-            assert isinstance(chosen, fast if able else Dense)
+    network = DuelingNetwork(1, 7, Generator().manual_seed(0), (NETWORKS | ODD)[name])
+    able = Incremental if name in NETWORKS else Dense
+    assert isinstance(make_backend(network, draw, schedule(), make_incremental), able)
+    assert isinstance(make_backend(network, draw, schedule(), None), Dense)

@@ -14,11 +14,10 @@ from ship_trl.config.types import Precision
 from ship_trl.fast.worlds import make_env, make_rasteriser
 from ship_trl.learn import double_dqn
 from ship_trl.learn.algorithm import Setup
-from ship_trl.learn.network import Dense, DuelingNetwork
+from ship_trl.learn.network import DuelingNetwork
 from ship_trl.learn.train import Finished, train
 from ship_trl.sim.cases import load_case, load_world
-from tests.learn.test_double_dqn import Freezing
-from tests.learn.worlds import schedule
+from tests.learn.worlds import Freezing, schedule
 
 CPU = torch.device("cpu")
 WORLD = load_world()
@@ -39,8 +38,7 @@ def test_the_guard_notices_a_tensor_without_a_device(meta_device: None) -> None:
         _ = torch.zeros(3, device=CPU) + torch.zeros(3)
 
 
-def test_the_learner_names_its_device(meta_device: None, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(double_dqn, "make_backend", lambda *_: Dense())
+def test_the_learner_names_its_device(meta_device: None) -> None:
     case, learn = load_case("4", WORLD), schedule(episodes=4, precision=Precision.fp32)
     env = make_env(case, WORLD, learn.num_envs, device=CPU, fast=False)
     eval_env = make_env(case, WORLD, 1, device=CPU, fast=False)

@@ -13,17 +13,7 @@ from ship_trl.learn.algorithm import LearningHooks
 from ship_trl.learn.double_dqn import FEATURES, DoubleDQN, build
 from ship_trl.learn.network import DuelingNetwork
 from ship_trl.learn.replay import DrawPixels
-from tests.learn.worlds import draw, fast_setup, schedule
-
-
-class Freezing(LearningHooks):
-    """Freezes the first layers, and adds nothing to the loss."""
-
-    def __init__(self, layers: int) -> None:
-        self.layers = layers
-
-    def frozen_layers(self, progress: float) -> int:
-        return self.layers
+from tests.learn.worlds import Freezing, draw, fast_setup, schedule
 
 
 def make(
@@ -179,7 +169,7 @@ def test_a_penalty_is_added_to_the_loss() -> None:
             return 1e3 * sum((p.square().sum() for p in network.parameters()), torch.zeros(()))
 
     plain, pulled = made(), made()
-    pulled._method = Pull()
+    pulled.method = Pull()
     for learner in (plain, pulled):
         learner.learn_from(observed(learner, batch()))
     norms = [

@@ -7,7 +7,6 @@ import torch
 from torch import Generator
 
 from ship_trl.config.types import BackendName, Precision
-from ship_trl.learn.algorithm import LearningHooks
 from ship_trl.learn.double_dqn import FEATURES, DoubleDQN, build
 from ship_trl.learn.network import DuelingNetwork
 from tests.learn import networks
@@ -19,7 +18,7 @@ from tests.learn.test_double_dqn import (
     observed,
     stored,
 )
-from tests.learn.worlds import draw, fast_setup, schedule
+from tests.learn.worlds import Freezing, draw, fast_setup, schedule
 
 
 @pytest.mark.parametrize("frozen", [3, 4])
@@ -47,8 +46,7 @@ def test_q_values_and_gradients_on_features_equal_those_on_states(frozen: int, s
     found = []
     for learner in (kept, dense):
         data = observed(learner, batch(32))
-        (key,) = learner.loss.value_network_in_keys
-        q = learner.online_network(data[key]).detach()
+        q = learner.online_network(data[learner.observed]).detach()
         learner.learn_from(data)
         found.append((q, [p.grad for p in learner.online_network.parameters() if p.grad is not None]))
     (got_q, got), (wanted_q, wanted) = found
@@ -78,19 +76,10 @@ def test_any_network_learns_the_same_with_both_backends(name: str, frozen: int) 
     assert found[0] == pytest.approx(found[1], rel=2e-3)
 
 
-class Thawing(LearningHooks):
-    """Freezes two layers for the first half of the episodes."""
-
-    thaws = True
-
-    def frozen_layers(self, progress: float) -> int:
-        return 2 if progress < 0.5 else 0
-
-
 def thawing(seed: int = 3) -> DoubleDQN:
     network = DuelingNetwork(1, 7, Generator().manual_seed(seed))
     exploration, replay = (Generator().manual_seed(seed) for _ in range(2))
-    return build(fast_setup(network, draw, 7, schedule(), exploration, replay, Thawing()))
+    return build(fast_setup(network, draw, 7, schedule(), exploration, replay, Freezing(2, until=0.5)))
 
 
 def test_a_thawed_layer_learns_and_its_target_follows() -> None:

@@ -19,7 +19,10 @@ def observe(kept: BestEpisodes, rows: list[tuple[float, int, float, bool]]) -> N
 def steps(kept: BestEpisodes) -> list[tuple[list[float], list[int], float]]:
     """Return states, actions and return of the episode of each start, as their turns come."""
     taken = [kept.take() for _ in range(len(kept))]
-    return [(one.states.flatten().tolist(), one.actions.tolist(), one.episode_return) for one in taken]
+    return [
+        (one.steps["state"].flatten().tolist(), one.steps["action"].tolist(), one.episode_return)
+        for one in taken
+    ]
 
 
 def two_rows() -> BestEpisodes:
@@ -42,7 +45,7 @@ def test_it_keeps_the_best_episode_of_each_start() -> None:
 
 def test_starts_take_turns() -> None:
     kept = two_rows()
-    found = [len(kept.take().actions) for _ in range(5)]
+    found = [len(kept.take().steps) for _ in range(5)]
     assert found == [2, 3, 2, 3, 2]
 
 

@@ -1,4 +1,4 @@
-"""Agents in lockstep learn what they learn alone."""
+"""Agents in lockstep learn what they learn alone; stacked networks compute what each computes alone."""
 
 from collections.abc import Sequence
 from dataclasses import replace
@@ -8,18 +8,19 @@ import pytest
 import torch
 from tensordict import TensorDict
 from torch import Generator, Tensor
+from torch.func import stack_module_state
 
-from ship_trl.config.network import load_network
+from ship_trl.config.network import ConvLayer, load_network
 from ship_trl.config.types import BackendName, Learn, World
 from ship_trl.fast.worlds import make_rasteriser, make_step
-from ship_trl.learn.algorithm import LearningHooks, learning_rate_at
+from ship_trl.learn.algorithm import learning_rate_at
 from ship_trl.learn.double_dqn import DoubleDQN, build
-from ship_trl.learn.lockstep import Lockstep
-from ship_trl.learn.network import DuelingNetwork, VectorNetwork
+from ship_trl.learn.lockstep import Lockstep, Windows, make_stacked_q
+from ship_trl.learn.network import DuelingNetwork, VectorNetwork, make_network
 from ship_trl.learn.q_learning import STEPS
 from ship_trl.sim.cases import load_case
 from ship_trl.sim.state import initial_state
-from tests.learn.worlds import fast_setup, schedule
+from tests.learn.worlds import Freezing, fast_setup, schedule
 
 PLACES, ACTIONS, INPUTS = 4, 2, 3
 CONFIG = replace(load_network("vector"), linear=[16, 8, 8], per_ship=0)
@@ -31,16 +32,6 @@ class After(NamedTuple):
     goal: Tensor
     collision: Tensor
     truncated: Tensor
-
-
-class Fixed(LearningHooks):
-    """Freezes some layers."""
-
-    def __init__(self, layers: int) -> None:
-        self._layers = layers
-
-    def frozen_layers(self, progress: float) -> int:
-        return self._layers
 
 
 def step(state: Tensor, action: Tensor) -> After:
@@ -92,6 +83,13 @@ def test_an_agent_learns_with_others_what_it_learns_alone() -> None:
         assert not torch.allclose(together.weights(0)[name], value, atol=1e-3)
 
 
+def test_agents_learn_to_reach_the_goal() -> None:
+    many = lockstep((0, 1, 2), epsilon_fraction=0.5)
+    many.train(3000)
+    _, reached = many.evaluate(torch.zeros(3, 1, 2))
+    assert reached.all()
+
+
 def record_samples(many: Lockstep) -> list[tuple[Tensor, ...]]:
     """Return the list to which the batches of further updates are added."""
     drawn: list[tuple[Tensor, ...]] = []
@@ -130,7 +128,7 @@ def test_an_update_is_that_of_double_dqn(n: int) -> None:
     many = lockstep(agents, frozen, n, lr_end=0.0, total=300)
     alone = []
     for network, names in zip(networks(3), frozen, strict=True):
-        method = Fixed(len(names))
+        method = Freezing(len(names))
         alone.append(
             build(fast_setup(network, observe, ACTIONS, many.learn, Generator(), Generator(), method=method))
         )
@@ -174,3 +172,49 @@ def test_a_sample_sums_the_rewards_of_an_episode_and_no_more() -> None:
             assert count == 1 or -2 < first < PLACES
             seen.add((count, bool(terminated[row])))
     assert {1, 2, 3} <= {count for count, _ in seen} and {True, False} == {ended for _, ended in seen}
+
+
+def inputs(network: str, generator: Generator) -> Tensor:
+    """Return what the networks see, [3, 2, ...]."""
+    if network == "vector":
+        return torch.rand(3, 2, load_network(network).inputs, generator=generator)
+    pixels = torch.randint(0, 256, (3, 2, 1, 84, 84), generator=generator)
+    return pixels.to(torch.uint8)
+
+
+@pytest.mark.parametrize("network", ["paper", "five", "vector"])
+def test_each_network_has_its_own_q_values_and_gradients(network: str) -> None:
+    config = load_network(network)
+    alone = [make_network(config, 7, Generator().manual_seed(seed)) for seed in range(3)]
+    stacked = {name: value.detach() for name, value in stack_module_state(list(alone))[0].items()}
+    for value in stacked.values():
+        value.requires_grad_()
+    seen = inputs(network, Generator().manual_seed(9))
+    q = make_stacked_q(alone[0])(stacked, seen)
+    (q * torch.arange(7)).sum().backward()
+    for k, one in enumerate(alone):
+        own = one(seen[k])
+        torch.testing.assert_close(q[k], own, rtol=1e-4, atol=1e-4)
+        (own * torch.arange(7)).sum().backward()
+        for name, parameter in one.named_parameters():
+            gradient = stacked[name].grad
+            assert gradient is not None and parameter.grad is not None
+            scale = parameter.grad.abs().max()
+            torch.testing.assert_close(gradient[k], parameter.grad, rtol=1e-3, atol=1e-4 * float(scale))
+
+
+@pytest.mark.parametrize(
+    "layer", [ConvLayer(1, 4, 2, 20), ConvLayer(1, 3, 1, 9), ConvLayer(1, 3, 2, 8), ConvLayer(1, 2, 3, 10)]
+)
+def test_windows_are_those_of_a_convolution(layer: ConvLayer) -> None:
+    maps = torch.rand(2, layer.below, layer.below, 5, dtype=torch.float64, requires_grad=True)
+    weight = torch.rand(6, 5, layer.kernel, layer.kernel, dtype=torch.float64)
+    product = Windows.apply(maps, layer) @ weight.permute(0, 2, 3, 1).flatten(1).T
+    wanted = torch.nn.functional.conv2d(maps.permute(0, 3, 1, 2), weight, stride=layer.stride)
+    torch.testing.assert_close(product.view(2, layer.side, layer.side, 6), wanted.permute(0, 2, 3, 1))
+    factors = torch.rand_like(wanted)
+    (wanted_gradient,) = torch.autograd.grad((wanted * factors).sum(), maps)
+    (gradient,) = torch.autograd.grad(
+        (product.view_as(factors.permute(0, 2, 3, 1)) * factors.permute(0, 2, 3, 1)).sum(), maps
+    )
+    torch.testing.assert_close(gradient, wanted_gradient, rtol=1e-5, atol=1e-5)

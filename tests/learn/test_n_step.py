@@ -6,6 +6,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from tensordict import TensorDict
 from torch import Generator
+from torchrl.modules import QValueActor
 from torchrl.objectives import DQNLoss, SoftUpdate
 
 from ship_trl.learn.double_dqn import DoubleDQN
@@ -80,14 +81,13 @@ def test_targets_are_those_of_the_steps_that_follow(
 def test_torchrls_loss_gives_the_same() -> None:
     learner = make(3)
     filled(learner.replay, 40, 3, 2)
-    other = DQNLoss(
-        learner.loss.value_network, loss_function="l2", double_dqn=True, action_space="categorical"
-    )
-    other.make_value_estimator(gamma=learner.loss.gamma)
+    actor = QValueActor(learner.online_network, in_keys=["pixels"], action_space="categorical")
+    other = DQNLoss(actor, loss_function="l2", double_dqn=True, action_space="categorical")
+    other.make_value_estimator(gamma=learner.learn.gamma)
     SoftUpdate(other, tau=0.1)
     batch = learner.replay.sample(16)
     assert float(batch[STEPS].max()) == 3
-    torch.testing.assert_close(learner.loss(batch)["loss"], other(batch)["loss"], rtol=1e-5, atol=1e-6)
+    torch.testing.assert_close(learner.loss(batch), other(batch)["loss"], rtol=1e-5, atol=1e-6)
 
 
 def test_it_learns_and_a_checkpoint_goes_on_with_the_same_bits() -> None:

@@ -12,7 +12,7 @@ from ship_trl.learn.algorithm import DivergedError, LearningHooks
 from ship_trl.learn.network import DuelingNetwork
 from ship_trl.learn.ppo import PPO, build, state_value
 from ship_trl.learn.train import Evaluated, Finished, Training, train
-from tests.learn.worlds import Corridor, draw, fast_setup, schedule
+from tests.learn.worlds import Corridor, Freezing, draw, fast_setup, schedule
 
 OPTIONS = {
     "rollout_steps": 16,
@@ -26,16 +26,6 @@ OPTIONS = {
     "imitation_coeff": 0.0,
     "imitation_start": 0.0,
 }
-
-
-class Freezing(LearningHooks):
-    """Freezes the first two layers up to a share of the episodes."""
-
-    def __init__(self, until: float = 2.0) -> None:
-        self.until, self.thaws = until, until < 1.0
-
-    def frozen_layers(self, progress: float) -> int:
-        return 2 if progress < self.until else 0
 
 
 def make(
@@ -63,10 +53,10 @@ def walk(
     return seen
 
 
-def observed(learner: PPO, steps: int = 16, limit: int = 12) -> TensorDict:
+def observed(learner: PPO, steps: int = 16, limit: int = 12) -> TensorDictBase:
     """Return the steps of a walk with advantages."""
     walk(learner, steps, limit)
-    judged: TensorDict = learner.judge(learner._stacked())
+    judged: TensorDictBase = learner.judge(torch.stack(learner._rollout))
     return judged
 
 
@@ -96,7 +86,7 @@ def test_outputs_hold_both_heads_and_each_loss_moves_its_own() -> None:
 def test_advantages_bootstrap_at_truncations_and_stop_at_every_end(limit: int) -> None:
     learner = make(learn={"reward_scale": 0.1})
     steps = walk(learner, 16, limit)
-    got = learner.judge(learner._stacked())
+    got = learner.judge(torch.stack(learner._rollout))
     assert any(step["next", "truncated" if limit == 3 else "terminated"].any() for step in steps)
     value = [state_value(learner.online_network(draw(step["state"]))) for step in steps]
     after = [state_value(learner.online_network(draw(step["next", "state"]))) for step in steps]
@@ -137,7 +127,7 @@ def test_the_best_episode_is_imitated_from_a_share_of_the_episodes_on(episode: i
     for coeff in (0.0, 2.0):
         learner = make(imitation_coeff=coeff, imitation_start=0.5)
         seen = walk(learner, 16, limit=4, episode=episode)
-        steps = learner.judge(learner._stacked()).flatten()
+        steps = learner.judge(torch.stack(learner._rollout)).flatten()
         losses.append(float(learner.learn_from(steps)))
     # Episodes of four steps; of equally good ones the first is kept.
     taken: TensorDict = torch.stack(seen).unflatten(0, (4, 4))
@@ -153,13 +143,15 @@ def test_the_best_episode_is_imitated_from_a_share_of_the_episodes_on(episode: i
 @pytest.mark.parametrize(("cut", "imitation"), [(16, 0.0), (23, 1.0)])
 def test_a_checkpoint_goes_on_with_the_same_bits(cut: int, imitation: float, until: float) -> None:
     learn = schedule(episodes=120, num_envs=4)
-    whole = Training(Corridor(4), Corridor(1), make(method=Freezing(until), imitation_coeff=imitation), learn)
+    whole = Training(
+        Corridor(4), Corridor(1), make(method=Freezing(2, until), imitation_coeff=imitation), learn
+    )
     whole.begin()
     for _ in range(cut):
         list(whole.advance())
     state = {key: value.clone() for key, value in whole.state_dict().items()}
     again = Training(
-        Corridor(4), Corridor(1), make(seed=5, method=Freezing(until), imitation_coeff=imitation), learn
+        Corridor(4), Corridor(1), make(seed=5, method=Freezing(2, until), imitation_coeff=imitation), learn
     )
     again.load_state_dict(state)
     for _ in range(20):

@@ -12,7 +12,7 @@ from ship_trl.learn.algorithm import LearningHooks
 from ship_trl.learn.network import DuelingNetwork
 from ship_trl.learn.pupil import Pupil, build, distillation_loss
 from ship_trl.learn.train import Finished, Training, train
-from tests.learn.worlds import Corridor, draw, fast_setup, schedule
+from tests.learn.worlds import Corridor, Freezing, draw, fast_setup, schedule
 
 OPTIONS = {"teacher": "file", "own_fraction": 0.5, "temperature": 0.3, "huber_weight": 0.3}
 LEARN = {"episodes": 40, "batch_size": 16, "epsilon_start": 0.5, "epsilon_end": 0.5, "lr_end": 1e-4}
@@ -24,15 +24,6 @@ def teacher(state: Tensor) -> Tensor:
     """Return Q-values whose best action changes with the place: 1, then 0, then 2."""
     x = state[..., :1]
     return torch.cat((0 * x, -0.5 - x, x - 0.5), -1)
-
-
-class Freezing(LearningHooks):
-    """Freezes the first two layers up to half of the episodes."""
-
-    thaws = True
-
-    def frozen_layers(self, progress: float) -> int:
-        return 2 if progress < 0.5 else 0
 
 
 def flip(state: Tensor) -> Tensor:
@@ -101,7 +92,7 @@ def test_it_learns_from_mirror_images_too() -> None:
 
 
 def test_a_checkpoint_goes_on_with_the_same_bits() -> None:
-    learn, method = schedule(**LEARN), Freezing()
+    learn, method = schedule(**LEARN), Freezing(2, until=0.5)
     whole = Training(Corridor(3), Corridor(1), make(method=method), learn)
     whole.begin()
     # Layers thaw later.

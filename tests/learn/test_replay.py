@@ -87,22 +87,19 @@ def filled(capacity: int, count: int) -> StateReplay:
     return memory
 
 
-@pytest.mark.parametrize("compact", [False, True])
 @pytest.mark.parametrize(("capacity", "count"), [(8, 24), (20, 24), (8, 8)])
-def test_the_state_of_another_capacity_is_refused(capacity: int, count: int, compact: bool) -> None:
+def test_the_state_of_another_capacity_is_refused(capacity: int, count: int) -> None:
     other, memory = filled(12, 24), filled(capacity, count)
     before = memory.sample(50)["action"]
-    load = memory.load_compact_state_dict if compact else memory.load_state_dict
-    state = other.compact_state_dict() if compact else other.state_dict()
-    with pytest.raises(ValueError, match=r"the state of a replay has 12 rows; allowed: \d+, of the same"):
-        load(state)
+    with pytest.raises(ValueError, match=r"of a replay has 12 rows; allowed: \d+, of the same"):
+        memory.load_state_dict(other.state_dict())
     memory.generator.manual_seed(0)
     assert len(memory) == capacity and torch.equal(memory.sample(50)["action"], before)
 
 
 def test_a_replay_that_is_not_full_fits_a_larger_one() -> None:
     memory = replay(20)
-    memory.load_compact_state_dict(filled(12, 8).compact_state_dict())
+    memory.load_state_dict(filled(12, 8).state_dict())
     for first in range(8, 24, 4):
         memory.extend(steps(first, 4))
     assert set(memory.sample(500)["state"][:, 0].int().tolist()) == set(range(4, 24))

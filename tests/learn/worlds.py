@@ -10,10 +10,20 @@ from torchrl.data import Binary, Categorical, Composite, Unbounded
 from torchrl.envs import EnvBase
 
 from ship_trl.config.types import BackendName, Learn, Loss, Precision
-from ship_trl.fast.learning import FAST
-from ship_trl.learn.algorithm import Setup
+from ship_trl.fast.worlds import accelerator
+from ship_trl.learn.algorithm import LearningHooks, Setup
 
-fast_setup = partial(Setup, accelerator=FAST)
+fast_setup = partial(Setup, accelerator=accelerator())
+
+
+class Freezing(LearningHooks):
+    """Freezes the first layers up to a share of the episodes, and adds nothing to the loss."""
+
+    def __init__(self, layers: int = 2, until: float = 2.0) -> None:
+        self.layers, self.until, self.thaws = layers, until, until < 1.0
+
+    def frozen_layers(self, progress: float) -> int:
+        return self.layers if progress < self.until else 0
 
 
 class Corridor(EnvBase):

@@ -14,7 +14,7 @@ from ship_trl.config.errors import ConfigError
 from ship_trl.config.network import load_network as load_config
 from ship_trl.fast.worlds import make_env
 from ship_trl.learn.network import DuelingNetwork, make_network
-from ship_trl.learn.policy import greedy_policy
+from ship_trl.learn.rollout import greedy_policy
 from ship_trl.policies.named import load_network
 from ship_trl.sim.cases import load_case, load_world
 from ship_trl.transfer.methods import make_method

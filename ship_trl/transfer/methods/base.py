@@ -11,8 +11,7 @@ from torch import Generator, Tensor
 from ship_trl.config.arm import Arm
 from ship_trl.config.transfer import Transfer
 from ship_trl.learn.algorithm import LearningHooks
-from ship_trl.learn.backend import Draw
-from ship_trl.learn.network import Dense, DuelingNetwork
+from ship_trl.learn.network import Dense, Draw, DuelingNetwork
 from ship_trl.transfer.weights import Weights
 
 

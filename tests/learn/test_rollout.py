@@ -1,12 +1,15 @@
-"""Policies of a Q-network, and episodes of any policy."""
+"""Policies of Q-networks, episodes of any policy, and returns of many draws at once."""
 
+import copy
+
+import pytest
 import torch
 from tensordict import TensorDict, TensorDictBase
 from torch import Generator
 
 from ship_trl.learn.network import DuelingNetwork
-from ship_trl.learn.policy import EpsilonGreedy, greedy_policy
-from ship_trl.learn.rollout import rollout
+from ship_trl.learn.rollout import EpsilonGreedy, greedy_policy, jumpstart, rollout
+from tests.learn.networks import NETWORKS, ODD
 from tests.learn.worlds import Corridor, draw
 
 
@@ -56,3 +59,30 @@ def test_a_rollout_of_many_is_a_rollout_of_each() -> None:
         gain = {"goal": 100, "collision": -100, "timeout": 0}[episode.outcome]
         assert episode.episode_return == gain - episode.length
         assert episode.q_values is None
+
+
+# The networks `paper` and `five` use the incremental backend, `odd` the dense one.
+@pytest.mark.parametrize(
+    ("name", "copied"), [*(("paper", n) for n in range(5)), ("five", 3), ("five", 5), ("odd", 1), ("odd", 3)]
+)
+@pytest.mark.parametrize("at_once", [1, 3, 10])
+def test_jumpstart_returns_equal_single_rollouts(name: str, copied: int, at_once: int) -> None:
+    layers = (NETWORKS | ODD)[name]
+    network, alone = (DuelingNetwork(1, 3, Generator().manual_seed(1), layers) for _ in range(2))
+    names = alone.layer_names[:copied]
+    before = copy.deepcopy(network.state_dict())
+    found = jumpstart(Corridor(at_once), draw, network, names, 7, Generator().manual_seed(2))
+    generator, wanted = Generator().manual_seed(2), []
+    for _ in range(7):
+        alone.reset(generator, names)
+        shared = {key: value for key, value in alone.state_dict().items() if key.startswith(names)}
+        assert all(torch.equal(value, before[key]) for key, value in shared.items())
+        wanted.append(rollout(Corridor(1), greedy_policy(alone, draw))[0].episode_return)
+    assert found == wanted
+    assert len(set(found)) > 1
+    assert all(torch.equal(value, before[key]) for key, value in network.state_dict().items())
+
+
+def test_zero_draws_give_no_returns() -> None:
+    network = DuelingNetwork(1, 3, Generator().manual_seed(1))
+    assert jumpstart(Corridor(2), draw, network, (), 0, Generator()) == []

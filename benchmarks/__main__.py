@@ -39,9 +39,9 @@ def main(arguments: list[str] | None = None) -> None:
     if words and words[0] == "curves":
         with refusals():
             require_peers()
-        from benchmarks import curves
+            from benchmarks import curves
 
-        curves.main(words[1:])
+            curves.main(words[1:])
         return
     parts = "\n".join(f"    {part:12} {title}" for part, title in (GPU_PARTS | PARTS).items())
     alone = "    curves       Success over minutes of training beside Stable-Baselines3; see curves --help"

@@ -11,9 +11,9 @@ from __future__ import annotations
 
 import sys
 import time
-from argparse import Namespace
 from collections.abc import Callable, Sequence
 from functools import partial
+from itertools import product
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -31,7 +31,6 @@ from tensordict import TensorDictBase
 from torch import Generator
 
 from benchmarks.ours import Ours, plan
-from ship_trl.cli.errors import refusals
 from ship_trl.cli.parser import add_number, make_parser
 from ship_trl.config.bounds import Seed
 from ship_trl.config.network import load_network
@@ -117,7 +116,7 @@ class Curve:
 
 
 def main(arguments: list[str]) -> None:
-    """Train all learners; write their curves and a picture, and print a table."""
+    """Train every learner with every seed, one after the other; write curves and picture, print a table."""
     parser = make_parser("", f"{__doc__}\n\nWrites:\n    {TABLE}, {PICTURE}")
     parser.prog = "python -m benchmarks curves"
     positive = Annotated[float, Field(gt=0)]
@@ -125,17 +124,6 @@ def main(arguments: list[str]) -> None:
     read_seed = partial(read_as, Seed, key="--seeds")
     parser.add_argument("--seeds", nargs="+", type=read_seed, default=[0], metavar="N", help="default 0")
     options = parser.parse_args(arguments)
-    with refusals():
-        run(options)
-
-
-def run(options: Namespace) -> None:
-    """Train every learner with every seed, one after the other."""
-    learners: dict[str, Callable[[int, Record], None]] = {
-        "ours": train_ours,
-        "SB3 DQN": partial(train_peer, DQN, DQN_SETTINGS),
-        "SB3 PPO": partial(train_peer, PPO, PPO_SETTINGS),
-    }
     configure_process()
     sys.stdout.write(f"{processor_name()}, torch {torch.__version__}, {torch.get_num_threads()} thread\n")
     world = load_world()
@@ -143,16 +131,14 @@ def run(options: Namespace) -> None:
     starts = make_starts(suite, world).balanced(len(suite.cases), Generator())
     env, curves = make_env(suite, world, starts=starts), list[Curve]()
     TABLE.parent.mkdir(exist_ok=True)
-    for seed in options.seeds:
-        for name, train in learners.items():
-            curve = Curve(name, seed, options.minutes, env)
-            train(seed, curve.record)
-            curves.append(curve)
-            rows = [(one.learner, one.seed, *point) for one in curves for point in one.points]
-            table = pd.DataFrame(rows, columns=["learner", "seed", "minutes", "steps", "success"])
-            with atomic_write(TABLE) as draft:
-                table.to_csv(draft, index=False)
-            draw(PICTURE, curves)
+    for seed, (name, train) in product(options.seeds, LEARNERS.items()):
+        curves.append(Curve(name, seed, options.minutes, env))
+        train(seed, curves[-1].record)
+        rows = [(one.learner, one.seed, *point) for one in curves for point in one.points]
+        table = pd.DataFrame(rows, columns=["learner", "seed", "minutes", "steps", "success"])
+        with atomic_write(TABLE) as draft:
+            table.to_csv(draft, index=False)
+        draw(PICTURE, curves)
     cells = []
     for curve in curves:
         found = [curve.minutes_to(goal) for goal in GOALS]
@@ -271,3 +257,10 @@ def train_peer(
     common: dict[str, Any] = {"gamma": GAMMA, "policy_kwargs": {"net_arch": LAYERS}, "device": "cpu"}
     model = kind("MlpPolicy", ShipVecEnv(envs), seed=seed, **common, **settings)
     model.learn(STEPS, Recorder(record, greedy_policy(model)))
+
+
+LEARNERS: dict[str, Callable[[int, Record], None]] = {
+    "ours": train_ours,
+    "SB3 DQN": partial(train_peer, DQN, DQN_SETTINGS),
+    "SB3 PPO": partial(train_peer, PPO, PPO_SETTINGS),
+}

@@ -77,21 +77,15 @@ def measure_replays(transitions: int) -> list[Measurement]:
     ]
 
 
-def measure_run(episodes: int) -> int:
-    """Return the peak of resident bytes of a run of the profile quick, cut short."""
+def measure_memory() -> list[Measurement]:
+    """Measure the replays, and the peak of resident bytes of a run of profile quick, cut short."""
+    found = measure_replays(TRANSITIONS)
     with tempfile.TemporaryDirectory() as folder:
-        overrides = ["target=4", "method=scratch", f"learn.episodes={episodes}", "learn.warmup_steps=200"]
+        overrides = ["target=4", "method=scratch", f"learn.episodes={EPISODES}", "learn.warmup_steps=200"]
         command = [sys.executable, "-c", RUN, *overrides, f"output={folder}"]
         done = subprocess.run(command, cwd=ROOT, capture_output=True, text=True, check=True)
     (kilobytes,) = re.findall(r"VmHWM:\s*(\d+)", done.stdout)
-    return 1024 * int(kilobytes)
-
-
-def measure_memory() -> list[Measurement]:
-    """Measure the replays and a whole run, libraries included."""
-    found = measure_replays(TRANSITIONS)
-    size = measure_run(EPISODES)
-    return [*found, Measurement("run", "ours, profile quick", "byte", [size])]
+    return [*found, Measurement("run", "ours, profile quick", "byte", [1024.0 * int(kilobytes)])]
 
 
 def measure_checkpoints(rounds: int, seconds: float, *overrides: str) -> list[Measurement]:

@@ -266,7 +266,7 @@ class Incremental:
         if layers == 0:
             return rows
         values, indices = rows
-        weights = network.conv_weights()
+        weights = [weight for conv in network.layers for weight in (conv.weight, conv.bias)]
         copies = self._weight_copies(network, weights)
         first = len(self.geometry) - len(indices)
         for n in range(first, first + layers):

@@ -8,7 +8,7 @@ environment steps, not episodes; random numbers are drawn in another way than in
 
 from __future__ import annotations
 
-from collections.abc import Callable, Collection, Mapping, Sequence
+from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
 from functools import partial
 from typing import Any
 
@@ -102,22 +102,11 @@ def layer_of(name: str, parameters: Parameters) -> tuple[Tensor, Tensor]:
     return parameters[f"{name}.weight"], parameters[f"{name}.bias"]
 
 
-class Draws:
-    """Uniform numbers from 0 to 1 of K generators, which do not depend on one another: [K, ...]."""
-
-    def __init__(
-        self, generators: Sequence[Generator], *shape: int, device: str | torch.device = "cpu"
-    ) -> None:
-        self._generators, self._shape, self._next = generators, (CHUNK, *shape), CHUNK
-        self._device, self._drawn = device, torch.empty(0)
-
-    def __call__(self) -> Tensor:
-        """Return the next ones."""
-        if self._next == CHUNK:
-            drawn = [torch.rand(self._shape, generator=generator) for generator in self._generators]
-            self._drawn, self._next = torch.stack(drawn, 1).to(self._device), 0
-        self._next += 1
-        return self._drawn[self._next - 1]
+def draw_numbers(generators: Sequence[Generator], *shape: int, device: torch.device) -> Iterator[Tensor]:
+    """Yield uniform numbers from 0 to 1 of K generators, which do not depend on one another: [K, ...]."""
+    while True:
+        drawn = [torch.rand((CHUNK, *shape), generator=generator) for generator in generators]
+        yield from torch.stack(drawn, 1).to(device)
 
 
 class Lockstep:
@@ -184,8 +173,8 @@ class Lockstep:
         self._action = begin.new_empty(shape, dtype=torch.int64)
         self._reward = begin.new_empty(shape)
         self._ends, self._terminated = (begin.new_empty(shape, dtype=torch.bool) for _ in range(2))
-        self._explore = Draws(exploration, 2, envs, device=device)
-        self._sample = Draws(replay, 2, batch, device=device)
+        self._explore = draw_numbers(exploration, 2, envs, device=device)
+        self._sample = draw_numbers(replay, 2, batch, device=device)
 
     def train(self, steps: int) -> None:
         """Take at least `steps` environment steps with each agent, and make the updates that are due."""
@@ -203,7 +192,7 @@ class Lockstep:
     @torch.no_grad()
     def _act(self) -> None:
         """Step all environments once, and store the step."""
-        explore, chosen = self._explore().unbind(1)
+        explore, chosen = next(self._explore).unbind(1)
         best = self._choose(self.state)
         is_random = explore < epsilon_at(self._share(), self.learn)
         action = torch.where(is_random, (chosen * self.num_actions).long(), best)
@@ -229,7 +218,7 @@ class Lockstep:
         """
         count, kept = len(self.state), self.steps // self.learn.num_envs
         held = min(kept, self._size)
-        age, place = self._sample().unbind(1)
+        age, place = next(self._sample).unbind(1)
         agent = torch.arange(count, device=age.device)[:, None]
         env = (place * self.learn.num_envs).long()
         # Counted from the oldest row.

@@ -181,11 +181,6 @@ class DuelingNetwork(nn.Module):
             layer.requires_grad_(n >= layers)
         self.frozen = layers
 
-    def conv_weights(self) -> list[Tensor]:
-        """Return weight and bias of each conv layer, counted from the image."""
-        weights: list[Any] = [weight for conv in self.layers for weight in (conv.weight, conv.bias)]
-        return weights
-
     @torch.no_grad()
     def reset(self, generator: Generator, kept: Collection[str] = ()) -> None:
         """Draw new weights (He et al., 2015) and set biases to zero, in all layers but `kept` and `reused`.

@@ -154,7 +154,6 @@ def train_ours(seed: int, record: Record) -> None:
     words = ("target=traffic", "profile=traffic", "method=scratch", "observation=vector", f"seed={seed}")
     ours = Ours(plan(*words, "learn.evaluate_every=1000000", "learn.evaluate_episodes=1"))
     training, policy = ours.training, ours.algorithm.greedy
-    training.begin()
     while record(policy, training.steps, training.is_finished):
         for _ in training.advance():
             pass

@@ -106,6 +106,5 @@ def make_ours(arm: str = "scratch", *overrides: str) -> Ours:
 
 def start_loop(ours: Ours) -> Callable[[], None]:
     """Train through the warm-up, and return a function that trains for `STEPS_PER_CALL` more steps."""
-    ours.training.begin()
     ours.train(ours.learn.warmup_steps)
     return lambda: ours.train(STEPS_PER_CALL)

@@ -110,7 +110,8 @@ def measure_arm(arm: str, ours: Ours, rounds: int, seconds: float) -> list[Measu
     ours.fill(ours.learn.replay_size)
     (ours.run.folder / CHECKPOINTS).mkdir(parents=True)
     checkpoints = Checkpoints(ours.run, ours.parts, time.perf_counter())
-    ours.parts.history.add(to_row(ours.training.begin()), ours.algorithm.network)
+    for event in ours.training.advance():
+        ours.parts.history.add(to_row(event), ours.algorithm.network)
     writes = []
     for _ in range(rounds):
         # As in a run, the processor's caches then hold the training's numbers, not the checkpoint's.

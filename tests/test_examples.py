@@ -19,11 +19,10 @@ from torchrl.objectives import SoftUpdate
 
 from ship_trl.cli.evaluate import main
 from ship_trl.learn.double_dqn import DoubleDQN
-from ship_trl.learn.network import DuelingNetwork
 from ship_trl.learn.train import train
 from tests.command import ROOT, ship_trl
 from tests.forked import run_script
-from tests.learn.worlds import Corridor, draw, fast_setup, schedule
+from tests.learn.worlds import Corridor, corridor_setup, schedule
 
 # Whether TorchRL's compiled extension loads.
 HAS_TREES = prioritized.SumSegmentTreeFp32 is not None
@@ -152,13 +151,7 @@ def test_large_errors_are_drawn_more_often_and_a_checkpoint_keeps_them(trees: No
     from prioritised_replay import build
 
     learn = schedule(episodes=12, replay_size=100)
-    made = []
-    for seed in (0, 1):
-        weights, explore, replay = (torch.Generator().manual_seed(10 * seed + k) for k in range(3))
-        network = DuelingNetwork(1, 3, weights)
-        setup = fast_setup(network, draw, 3, learn, explore, replay, options={"alpha": 1.0})
-        made.append(build(setup))
-    one, other = made
+    one, other = (build(corridor_setup(seed, learn, options={"alpha": 1.0})) for seed in (0, 1))
     assert list(train(Corridor(3), Corridor(1), one, learn))
     memory: Any = one.replay
     memory.update_priority(torch.arange(100), torch.full((100,), 1e-3))

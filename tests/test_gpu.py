@@ -91,7 +91,6 @@ def test_graphs_learn_what_single_operations_learn(words: tuple[str, ...]) -> No
     )
     before = {key: value.clone() for key, value in fast.algorithm.network.state_dict().items()}
     for parts in (fast, slow):
-        parts.training.begin()
         advance(parts.training, 60)
     assert fast.training.steps == slow.training.steps
     there, here = fast.algorithm.network.state_dict(), slow.algorithm.network.state_dict()
@@ -125,7 +124,6 @@ def test_agents_in_lockstep_learn_what_the_cpu_learns(world: World) -> None:
 def test_a_step_copies_nothing_to_the_gpu_and_reads_flags_alone() -> None:
     # Case 1: nothing to collide with ends an episode early.
     parts = plan("target=1", "learn.num_envs=4", "learn.warmup_steps=8", "learn.epsilon_start=0.5")
-    parts.training.begin()
     advance(parts.training, EAGER_CALLS + 5)
     steps, before = 3, parts.training.episode
     with torch.profiler.profile(acc_events=True) as profiled:

@@ -76,23 +76,17 @@ class Training:
         """Whether all episodes have ended."""
         return self.episode >= self._learn.episodes
 
-    @property
-    def has_begun(self) -> bool:
-        """Whether the environments have been reset."""
-        return self._current is not None
-
-    def begin(self) -> Evaluated:
-        """Evaluate the policy before it learns, and reset the environments."""
-        first = self._evaluate()
-        self._current = self._env.reset()
-        return first
-
     def advance(self) -> Iterator[Finished | Evaluated]:
         """Step all environments once, make the updates that are due, and yield the episodes that ended.
+
+        The first call evaluates the policy before it learns.
 
         Raises:
             DivergedError: a loss or a Q-value is not finite.
         """
+        if self._current is None:
+            yield self._evaluate()
+            self._current = self._env.reset()
         algorithm = self.algorithm
         stepped, self._current = self._env.step_and_maybe_reset(algorithm.act(self._current, self.episode))
         algorithm.observe(stepped)
@@ -155,7 +149,7 @@ class Training:
 
     def state_dict(self) -> dict[str, torch.Tensor]:
         """Return everything needed to resume, as tensors on the CPU by dotted names."""
-        assert self._current is not None, "call begin() first"
+        assert self._current is not None, "call advance() first"
         flat = self._current.flatten_keys(".")
         own = {
             "counters": torch.tensor([self.episode, self.steps]),
@@ -169,7 +163,7 @@ class Training:
         return {name: value.detach().cpu() for name, value in own.items()}
 
     def load_state_dict(self, state: Mapping[str, torch.Tensor]) -> None:
-        """Resume from a `state_dict`, instead of `begin`.
+        """Resume from a `state_dict`.
 
         Raises:
             KeyError, RuntimeError, TypeError, ValueError: the state does not fit this training.
@@ -196,6 +190,5 @@ def train(
         `Finished` for each episode; `Evaluated` before the first, every `evaluate_every`, and after the last.
     """
     training = Training(env, eval_env, algorithm, learn)
-    yield training.begin()
     while not training.is_finished:
         yield from training.advance()

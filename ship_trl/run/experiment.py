@@ -171,8 +171,6 @@ def train_until_stopped(
 ) -> Iterator[Finished | Evaluated]:
     """Train to the end and yield the events; between two steps, write a checkpoint if it is due, or stop."""
     try:
-        if not training.has_begun:
-            yield training.begin()
         while not training.is_finished:
             yield from training.advance()
             if stop.asked is None and checkpoints.is_due:

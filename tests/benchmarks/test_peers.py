@@ -77,7 +77,6 @@ def test_tuned_network_is_the_plain_one() -> None:
 def test_our_arms_learn_all_but_their_frozen_layers(arm: str) -> None:
     ours = make_ours(arm, "learn.warmup_steps=16", *SHORT)
     before = copy.deepcopy(ours.algorithm.online_network)
-    ours.training.begin()
     ours.train(24)
     frozen = [f"conv{k + 1}" for k in range(Arm.parse(arm).frozen_layers)]
     for name, moved in changed(ours.algorithm.online_network, before).items():

@@ -11,22 +11,17 @@ from torchrl.objectives import DQNLoss, SoftUpdate
 
 from ship_trl.learn.double_dqn import DoubleDQN
 from ship_trl.learn.n_step import build
-from ship_trl.learn.network import DuelingNetwork
 from ship_trl.learn.q_learning import STEPS
 from ship_trl.learn.replay import StateReplay
 from ship_trl.learn.rollout import rollout
 from ship_trl.learn.train import Evaluated, train
-from tests.learn.worlds import Corridor, draw, fast_setup, schedule
+from tests.learn.worlds import Corridor, corridor_setup, schedule
 
 CPU, GAMMA = torch.device("cpu"), 0.9
 
 
 def make(steps: int, seed: int = 0, **changes: object) -> DoubleDQN:
-    learn = schedule(**changes)
-    weights, exploration, replay = (Generator().manual_seed(seed * 10 + k) for k in range(3))
-    network = DuelingNetwork(1, 3, weights)
-    options = {"build": "ship_trl.learn.n_step:build", "steps": steps}
-    return build(fast_setup(network, draw, 3, learn, exploration, replay, options=options))
+    return build(corridor_setup(seed, schedule(**changes), options={"steps": steps}))
 
 
 def filled(memory: StateReplay, steps: int, num_envs: int, seed: int) -> list[TensorDict]:

@@ -6,13 +6,11 @@ from typing import Any
 import pytest
 import torch
 from tensordict import TensorDict, TensorDictBase
-from torch import Generator
 
 from ship_trl.learn.algorithm import DivergedError, LearningHooks
-from ship_trl.learn.network import DuelingNetwork
 from ship_trl.learn.ppo import PPO, build, state_value
 from ship_trl.learn.train import Evaluated, Finished, Training, train
-from tests.learn.worlds import Corridor, Freezing, draw, fast_setup, schedule
+from tests.learn.worlds import Corridor, Freezing, corridor_setup, draw, schedule
 
 OPTIONS = {
     "rollout_steps": 16,
@@ -31,13 +29,8 @@ OPTIONS = {
 def make(
     seed: int = 0, method: LearningHooks | None = None, learn: dict[str, Any] | None = None, **changes: float
 ) -> PPO:
-    weights, exploration, replay = (Generator().manual_seed(seed * 10 + k) for k in range(3))
-    network = DuelingNetwork(1, 3, weights)
-    options = {"build": "ship_trl.learn.ppo:build"} | OPTIONS | changes
     values = schedule(**{"episodes": 120, "num_envs": 4} | (learn or {}))
-    return build(
-        fast_setup(network, draw, 3, values, exploration, replay, method or LearningHooks(), options)
-    )
+    return build(corridor_setup(seed, values, method=method or LearningHooks(), options=OPTIONS | changes))
 
 
 def walk(
@@ -146,7 +139,6 @@ def test_a_checkpoint_goes_on_with_the_same_bits(cut: int, imitation: float, unt
     whole = Training(
         Corridor(4), Corridor(1), make(method=Freezing(2, until), imitation_coeff=imitation), learn
     )
-    whole.begin()
     for _ in range(cut):
         list(whole.advance())
     state = {key: value.clone() for key, value in whole.state_dict().items()}

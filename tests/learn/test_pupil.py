@@ -5,14 +5,13 @@ from typing import Any
 import pytest
 import torch
 from tensordict import TensorDict
-from torch import Generator, Tensor
+from torch import Tensor
 
 from ship_trl.config.types import BackendName
 from ship_trl.learn.algorithm import LearningHooks
-from ship_trl.learn.network import DuelingNetwork
 from ship_trl.learn.pupil import Pupil, build, distillation_loss
 from ship_trl.learn.train import Finished, Training, train
-from tests.learn.worlds import Corridor, Freezing, draw, fast_setup, schedule
+from tests.learn.worlds import Corridor, Freezing, corridor_setup, draw, schedule
 
 OPTIONS = {"teacher": "file", "own_fraction": 0.5, "temperature": 0.3, "huber_weight": 0.3}
 LEARN = {"episodes": 40, "batch_size": 16, "epsilon_start": 0.5, "epsilon_end": 0.5, "lr_end": 1e-4}
@@ -31,19 +30,9 @@ def flip(state: Tensor) -> Tensor:
     return state * torch.tensor([-1.0, 1.0])
 
 
-def make(
-    seed: int = 0,
-    method: LearningHooks | None = None,
-    options: Any = OPTIONS,
-    mirror: Any = None,
-    **changes: Any,
-) -> Pupil:
-    weights, exploration, replay = (Generator().manual_seed(seed * 10 + k) for k in range(3))
-    network = DuelingNetwork(1, 3, weights)
-    learn = schedule(**LEARN | changes)
-    options = {"build": "ship_trl.learn.pupil:build"} | options
-    method = method or LearningHooks()
-    return build(fast_setup(network, draw, 3, learn, exploration, replay, method, options, teacher, mirror))
+def make(seed: int = 0, method: LearningHooks | None = None, mirror: Any = None, **changes: Any) -> Pupil:
+    given = {"method": method or LearningHooks(), "options": OPTIONS, "teacher": teacher, "mirror": mirror}
+    return build(corridor_setup(seed, schedule(**LEARN | changes), **given))
 
 
 def agreement(pupil: Pupil) -> float:
@@ -94,7 +83,6 @@ def test_it_learns_from_mirror_images_too() -> None:
 def test_a_checkpoint_goes_on_with_the_same_bits() -> None:
     learn, method = schedule(**LEARN), Freezing(2, until=0.5)
     whole = Training(Corridor(3), Corridor(1), make(method=method), learn)
-    whole.begin()
     # Layers thaw later.
     while whole.episode < 10:
         list(whole.advance())

@@ -8,19 +8,16 @@ import torch
 from hypothesis import given
 from hypothesis import strategies as st
 from tensordict import TensorDictBase
-from torch import Generator
 
 from ship_trl.config.types import Learn
 from ship_trl.learn.algorithm import DivergedError, epsilon_at, learning_rate_at
 from ship_trl.learn.double_dqn import DoubleDQN, build
-from ship_trl.learn.network import DuelingNetwork
 from ship_trl.learn.train import Evaluated, Finished, train
-from tests.learn.worlds import Corridor, draw, fast_setup, schedule
+from tests.learn.worlds import Corridor, corridor_setup, schedule
 
 
 def make(learn: Learn, seed: int = 0) -> DoubleDQN:
-    weights, exploration, replay = (Generator().manual_seed(seed * 10 + k) for k in range(3))
-    return build(fast_setup(DuelingNetwork(1, 3, weights), draw, 3, learn, exploration, replay))
+    return build(corridor_setup(seed, learn))
 
 
 def events(seed: int = 0, **changes: object) -> tuple[list[Finished | Evaluated], DoubleDQN]:

@@ -5,13 +5,14 @@ from typing import Any
 
 import torch
 from tensordict import TensorDict, TensorDictBase
-from torch import Tensor
+from torch import Generator, Tensor
 from torchrl.data import Binary, Categorical, Composite, Unbounded
 from torchrl.envs import EnvBase
 
 from ship_trl.config.types import BackendName, Learn, Loss, Precision
 from ship_trl.fast.worlds import accelerator
 from ship_trl.learn.algorithm import LearningHooks, Setup
+from ship_trl.learn.network import DuelingNetwork
 
 fast_setup = partial(Setup, accelerator=accelerator())
 
@@ -78,6 +79,12 @@ class Bars:
 
 
 draw = Bars()
+
+
+def corridor_setup(seed: int, learn: Learn, **others: Any) -> Setup:
+    """Return the parts of an algorithm in a corridor; each seed has its own random streams."""
+    weights, exploration, replay = (Generator().manual_seed(seed * 10 + k) for k in range(3))
+    return fast_setup(DuelingNetwork(1, 3, weights), draw, 3, learn, exploration, replay, **others)
 
 
 def schedule(**changes: Any) -> Learn:

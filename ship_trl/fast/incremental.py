@@ -185,22 +185,15 @@ class WeightCopies:
         self.pointers = [weight.data_ptr() for weight in weights]
         self._own = [as_matrix(w.detach()) if w.dim() == 4 else w.detach() for w in weights]
         self._copies = [own.to(dtype) for own in self._own]
-        self._versions: list[tuple[int, ...]] = [(), ()]
+        self._versions = versions(weights)
         self.layers = list(zip(self._copies[::2], self._copies[1::2], strict=True))
 
-    def refresh(self, weights: list[Tensor], frozen: int) -> None:
-        """Update the copies of weights that may have changed; the first `frozen` layers never learn."""
-        if self._copies[0].dtype is torch.float32:
-            return
-        learning = weights[2 * frozen :]
-        now = [versions(weights[: 2 * frozen]), versions(learning)]
-        if learning and not learning[0].requires_grad:
-            # A target network is updated through `data`, which changes no version.
-            self._versions[1] = ()
-        parts = slice(2 * frozen), slice(2 * frozen, None)
-        for part, before, after in zip(parts, self._versions, now, strict=True):
-            if before != after and self._own[part]:
-                torch._foreach_copy_(self._copies[part], self._own[part])
+    def refresh(self, weights: list[Tensor]) -> None:
+        """Update the copies of weights that have changed."""
+        now = versions(weights)
+        if now != self._versions and self._copies[0].dtype is not torch.float32:
+            changed = [k for k, pair in enumerate(zip(self._versions, now, strict=True)) if len({*pair}) > 1]
+            torch._foreach_copy_([self._copies[k] for k in changed], [self._own[k] for k in changed])
         self._versions = now
 
 
@@ -282,5 +275,5 @@ class Incremental:
         copies = self._copies.get(network)
         if copies is None or copies.pointers != [weight.data_ptr() for weight in weights]:
             copies = self._copies[network] = WeightCopies(weights, self.dtype)
-        copies.refresh(weights, network.frozen)
+        copies.refresh(weights)
         return copies

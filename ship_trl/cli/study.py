@@ -22,7 +22,7 @@ from ship_trl.cli.parser import make_parser
 from ship_trl.config.command import command
 from ship_trl.config.errors import ConfigError, print_error
 from ship_trl.run.console import format_duration, show
-from ship_trl.run.process import TerminatedError, raise_at_sigterm
+from ship_trl.run.process import exit_at_sigterm
 from ship_trl.study.ask import ask
 from ship_trl.study.claims import load_claims
 from ship_trl.study.launch import (
@@ -124,7 +124,7 @@ def main(arguments: list[str] | None = None) -> None:
 def run_study(words: list[str]) -> None:
     """Plan the runs, estimate their time, run what is missing, and write the report."""
     try:
-        raise_at_sigterm()
+        exit_at_sigterm("terminated; the same command continues the study")
         with refusals():
             config = to_study(words)
             check_account(config)
@@ -146,10 +146,6 @@ def run_study(words: list[str]) -> None:
     except KeyboardInterrupt:
         print_error("interrupted; the same command continues the study")
         sys.exit(130)
-    except TerminatedError:
-        # The child processes were told, and have ended.
-        print_error("terminated; the same command continues the study")
-        sys.exit(143)
     if left:
         print_error(
             f"{len(left)} of {len(jobs)} runs have no result ({left[0].name} ...); see {config.folder / LOG}"

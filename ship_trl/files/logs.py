@@ -113,8 +113,6 @@ def read_cells(path: Path, key: str) -> tuple[str, pd.DataFrame]:
     """Read a CSV file: its first line if it begins with #, as a monitor's does, and its cells as text."""
     import pandas as pd
 
-    if path.suffix == ".npz":
-        raise ConfigError(f"{key}: {path} has no training returns, only evaluations; allowed: {KINDS}")
     try:
         data = read_file(path).removeprefix(codecs.BOM_UTF8)
         comment = data.partition(b"\n")[0].decode() if data.startswith(b"#") else ""
@@ -184,9 +182,7 @@ def read_csv(path: Path, key: str) -> list[LearningCurve]:
             told = f"{' and '.join(fitting)}, of which each may be the {kind}"
             raise ConfigError(f"{key}: {path} has {told}; allowed: one of them")
     if not columns["step"] or not columns["return"]:
-        is_chart = any(" - " in name for name in names)
-        got = "a chart of wandb, a sample over its own count" if is_chart else ", ".join(names) or "no rows"
-        raise ConfigError(f"{key}: {path} has {got}; allowed: {KINDS}")
+        raise ConfigError(f"{key}: {path} has {', '.join(names) or 'no rows'}; allowed: {KINDS}")
     step, reward = columns["step"][0], columns["return"][0]
     over_episodes = reward.strip().lower() == OURS and step.strip().lower() != STEPS
     if over_episodes or re.search("tag-(train|greedy).return", path.name):

@@ -260,11 +260,12 @@ def hash_of(
 
 @dataclass(frozen=True)
 class TeacherFile:
-    """The network of a teacher, with the SHA-256 of its file.
+    """The network of a teacher: name as given and SHA-256 of the file, its path, and the digest.
 
     `factor` is that from its scaled rewards to the run's; 1 where its own are unknown.
     """
 
+    name: str
     path: Path
     digest: str
     factor: float
@@ -294,7 +295,7 @@ def find_teacher(config: Config) -> TeacherFile | None:
         key, where = "learn.reward_scale", f"{TEACHER}: {known}: "
         scale = read_as(RewardScale, OmegaConf.select(read_yaml(known), key), where, key=key)
     digest = hashlib.sha256(path.read_bytes()).hexdigest()
-    return TeacherFile(path, digest, config.learn.reward_scale / scale)
+    return TeacherFile(f"{name} sha256={digest}", path, digest, config.learn.reward_scale / scale)
 
 
 class TakenError(ConfigError):

@@ -8,6 +8,7 @@ import gc
 import logging
 import os
 import platform
+import re
 import signal
 import sys
 import threading
@@ -17,6 +18,8 @@ from dataclasses import dataclass
 from pathlib import Path
 from types import FrameType
 from typing import NoReturn
+
+from ship_trl.config.errors import print_error
 
 CPUINFO = Path("/proc/cpuinfo")
 # Options of mallopt, from glibc's malloc.h.
@@ -66,10 +69,9 @@ def processor_name() -> str:
 
     A virtual machine often shows only the vendor, but family and model tell the generation.
     """
-    lines = CPUINFO.read_text().splitlines() if CPUINFO.is_file() else []
-    pairs = [line.partition(":") for line in lines]
-    # Reversed, so that the first core's values win.
-    values = {key.strip(): value.strip() for key, _, value in reversed(pairs)}
+    text = CPUINFO.read_text() if CPUINFO.is_file() else ""
+    # The last of a key counts: the first core's.
+    values = {key.strip(): value for key, value in reversed(re.findall(r"(?m)^(.+?):[ \t]*(.*)$", text))}
     name = values.get("model name") or platform.processor() or platform.machine()
     if "cpu family" in values and "model" in values:
         return f"{name} (family {values['cpu family']}, model {values['model']})"
@@ -130,16 +132,13 @@ def stop_on_signal() -> Iterator[Stop]:
             signal.signal(number, handler)
 
 
-class TerminatedError(BaseException):
-    """SIGTERM in a process that must end its children before it ends."""
-
-
-def raise_at_sigterm() -> None:
-    """Raise `TerminatedError` at the first SIGTERM; ignore further ones."""
+def exit_at_sigterm(told: str) -> None:
+    """At the first SIGTERM print a line and raise `SystemExit`, so that children are ended; ignore others."""
 
     def handle(*_: object) -> None:
         signal.signal(signal.SIGTERM, signal.SIG_IGN)
-        raise TerminatedError
+        print_error(told)
+        sys.exit(128 + signal.SIGTERM)
 
     if signal.getsignal(signal.SIGTERM) is signal.SIG_DFL:
         signal.signal(signal.SIGTERM, handle)

@@ -125,7 +125,7 @@ def make_parts(run: Run, device: torch.device, source: Source | None) -> Parts:
         replay=streams["replay"],
         method=method,
         options=config.algorithm,
-        teacher=teacher and read_teacher(teacher, eval_env),
+        teacher=None if teacher is None else read_teacher(teacher, eval_env),
         mirror=mirrored_state,
         accelerator=accelerator(config.fast),
     )
@@ -143,7 +143,7 @@ def make_parts(run: Run, device: torch.device, source: Source | None) -> Parts:
         scratch=scratch,
         draws=measure_jumpstart(run, algorithm, draw, eval_env),
         origin=None if source is None else source.origin,
-        teacher=teacher and f"{config.algorithm['teacher']} sha256={teacher.digest}",
+        teacher=teacher.name if teacher else None,
         source_check=make_source_check(run, source, device),
         fast=config.fast,
     )

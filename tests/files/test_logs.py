@@ -215,8 +215,7 @@ def test_known_files_are_read(text: str, wanted: list[tuple[list[float], list[fl
         ("t.csv", "\x00", "t.csv"),
         ("monitor.csv", "#{}\nr,l,t\n1,10,1\n2,10,2\n3,1,4", "monitor.csv cannot be read (line 5 is cut)"),
         ("curve.csv", "steps,return\n10,1\n20,2\n30,3", "curve.csv cannot be read (line 4 is cut)"),
-        ("w.csv", '"Step","a/0 - train/return","a/0 - train/return__MIN"\n1,2,2\n', "has a chart of wandb"),
-        ("evaluations.npz", "PK", "evaluations.npz has no training returns, only evaluations"),
+        ("w.csv", '"Step","a/0 - train/return"\n1,2\n', "has Step, a/0 - train/return; allowed: a"),
     ],
 )  # fmt: skip
 def test_what_cannot_be_known_is_named(name: str, text: str, said: str) -> None:

@@ -93,11 +93,11 @@ CELLS = st.lists(WORDS, min_size=1, max_size=4).map(" ".join)
 @given(st.lists(st.lists(CELLS, min_size=3, max_size=3), min_size=1, max_size=12), st.integers(10, 200))
 def test_a_table_breaks_no_word(columns: list[list[str]], width: int) -> None:
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(sys, "stdout", io.StringIO())
+        patch.setattr(sys, "stdout", out := io.StringIO())
         for name, value in {"FORCE_COLOR": "1", "TERM": "dumb", "COLUMNS": str(width)}.items():
             patch.setenv(name, value)
         show([column[0] for column in columns], list(zip(*(column[1:] for column in columns), strict=True)))
-        printed = Counter(re.sub(r"\x1b\[[0-9;]*m", "", sys.stdout.getvalue()).split())
+        printed = Counter(re.sub(r"\x1b\[[0-9;]*m", "", out.getvalue()).split())
     wanted = Counter(word for column in columns for cell in column for word in cell.split())
     assert not wanted - printed
 

@@ -34,7 +34,7 @@ from ship_trl.run.plan import Run, find_teacher, make_run
 from ship_trl.run.setup import (
     MAX_EVALUATIONS,
     Source,
-    SourceCheck,
+    is_measured,
     read_source,
     show_demonstrations,
 )
@@ -112,9 +112,9 @@ def planned(*words: str) -> Run:
     [(600, 5, 20), (5000, 50, 20), (95, 5, 20), (9, 3, 4), (10, 3, 5), (1, 7, 2)],
 )
 def test_at_most_so_many_evaluations_are_measured_evenly(episodes: int, every: int, count: int) -> None:
-    check = SourceCheck(None, None, Schedule(episodes, 1, every, 1, 0), 0.0)  # type: ignore[arg-type]
+    learn = Schedule(episodes, 1, every, 1, 0)
     evaluated = sorted({*range(0, episodes, every), episodes})
-    due = [number for number, episode in enumerate(evaluated) if check.is_due(episode)]
+    due = [number for number, episode in enumerate(evaluated) if is_measured(episode, learn)]
     assert len(due) == count <= MAX_EVALUATIONS and (due[0], due[-1]) == (0, len(evaluated) - 1)
     gaps = {after - before for before, after in pairwise(due)}
     assert max(gaps) - min(gaps) <= 1

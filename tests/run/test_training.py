@@ -25,12 +25,8 @@ from tests.command import files
 from tests.config.test_config import composed
 
 LINE = (
-    "profile=smoke",
-    "learn.episodes=9",
-    "learn.replay_size=150",
-    "learn.jumpstart_draws=1",
-    "checkpoint.every=0",
-    "checkpoint.seconds=0",
+    *("profile=smoke", "learn.episodes=9", "learn.replay_size=150", "learn.jumpstart_draws=1"),
+    *("checkpoint.every=0", "checkpoint.seconds=0"),
 )
 SCRATCH = ("target=4", "method=scratch")
 
@@ -91,23 +87,16 @@ def train_and_kill(after: Callable[[int, Callable[[], Any]], None], folder: str,
         train(folder, *overrides)
 
 
-MINIBATCH = "algorithm.minibatch_size=32"
 ARMS = {
     "states": SCRATCH,
     "features": ("+pair=high", "+arm=FE3"),
-    "some layers frozen": ("+pair=high", "+arm=FE1"),
     "perturbed suite": (
         *("target=paper", "method=scratch", "learn.num_envs=3", "perturbation.own_position=40"),
         "learn.evaluate_episodes=4",
     ),
-    "three ships at once": (*SCRATCH, "learn.num_envs=3"),
     "a rollout": (
-        *SCRATCH,
-        "algorithm=ppo",
-        "learn.num_envs=2",
-        "algorithm.rollout_steps=40",
-        MINIBATCH,
-        "algorithm.imitation_coeff=1",
+        *(*SCRATCH, "algorithm=ppo", "learn.num_envs=2", "algorithm.rollout_steps=40"),
+        *("algorithm.minibatch_size=32", "algorithm.imitation_coeff=1"),
     ),
     "a pupil": (*SCRATCH, "algorithm=pupil", "algorithm.teacher=pretrained:4"),
     "features of three ships": ("+pair=high", "+arm=FE3", "learn.num_envs=3"),
@@ -119,23 +108,8 @@ ARMS = {
 }
 
 
-# They take longest and cover the least.
-SLOW = [
-    pytest.param(arm, marks=pytest.mark.long)
-    for arm in (
-        "a pupil",
-        "a guide",
-        "some layers frozen",
-        "a fading policy",
-        "a sum",
-        "thawing layers",
-        "features of three ships",
-        "three ships at once",
-        "perturbed suite",
-        "vectors",
-        "features",
-    )
-]
+# The others take longest and cover the least.
+QUICK = ("states", "a rollout")
 
 
 @pytest.fixture(scope="module")
@@ -144,7 +118,9 @@ def whole(tmp_path_factory: pytest.TempPathFactory) -> dict[str, Any]:
     return left(train(str(tmp_path_factory.mktemp("whole")), *SCRATCH))
 
 
-@pytest.mark.parametrize("arm", ["states", "a rollout", *SLOW])
+@pytest.mark.parametrize(
+    "arm", [pytest.param(arm, marks=[pytest.mark.long] * (arm not in QUICK)) for arm in ARMS]
+)
 def test_stopped_and_killed_it_ends_with_the_same_bytes(
     arm: str, after: Callable[[int, Callable[[], Any]], None], tmp_path: Path
 ) -> None:

@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING
 
 from filelock import FileLock, Timeout
 from rich import box
+from rich.cells import cell_len
 from rich.console import Console
 from rich.progress import (
     BarColumn,
@@ -20,7 +21,7 @@ from rich.progress import (
     TextColumn,
     TimeRemainingColumn,
 )
-from rich.table import Table
+from rich.table import Column, Table
 
 from ship_trl.config.command import command
 from ship_trl.config.errors import escape, one_line
@@ -39,6 +40,8 @@ TRANSFER = "transfer.png"
 SINGLE_INTERVAL, GRID_INTERVAL = 0.05, 0.25
 # Seconds whose pace an estimate of the time left is of, and characters of a line in a file at most.
 PACE_SECONDS, MAX_WIDTH = 600.0, 1_000_000
+# Blank characters between two columns of a table.
+GAP = 2
 # Seconds until the first message that this process waits for another one, and between further messages.
 SHORT_WAIT, LONG_WAIT = 1.0, 60.0
 
@@ -232,12 +235,21 @@ def show(
         above = f"{title}\n\n" if title else ""
         sys.stdout.write(above + "".join(f"| {' | '.join(row)} |\n" for row in lines) + "\n")
         return
-    table = Table(*headings, box=box.SIMPLE_HEAD, padding=(0, 1, 0, 0), pad_edge=False, show_edge=False)
+    paper = Console(highlight=False, markup=False)
+    limit, paper.width = paper.width if paper.is_terminal else MAX_WIDTH, MAX_WIDTH
+    columns = list(zip(headings, *rows, strict=True))
+    # Whole, with headings wrapped, with all cells wrapped; of its own accord rich would cut words.
+    ways = (
+        columns,
+        [(*heading.split(), *cells) for heading, *cells in columns],
+        [" ".join(column).split() for column in columns],
+    )
+    widths = [[max(map(cell_len, parts), default=0) for parts in way] for way in ways]
+    fitting = next((one for one in widths if sum(one) + GAP * (len(one) - 1) <= limit), widths[-1])
+    some = [Column(heading, width=width) for heading, width in zip(headings, fitting, strict=True)]
+    table = Table(*some, box=box.SIMPLE_HEAD, padding=(0, 1, 0, 0), pad_edge=False, show_edge=False)
     for row in rows:
         table.add_row(*row)
-    paper = Console(highlight=False, markup=False)
-    needs = paper.measure(table, options=paper.options.update(max_width=MAX_WIDTH))
-    paper.width = max(paper.width, needs.minimum) if paper.is_terminal else MAX_WIDTH
     if title:
         paper.print(title)
     paper.print(table)

@@ -2,14 +2,12 @@
 
 from __future__ import annotations
 
-import csv
 import dataclasses
-import io
 import math
 
 from torch import nn
 
-from ship_trl.files.curve import COLUMNS, Row
+from ship_trl.files.curve import Row
 from ship_trl.files.record import Evaluation
 from ship_trl.learn.network import DuelingNetwork
 from ship_trl.learn.train import Evaluated, Finished
@@ -88,10 +86,3 @@ def to_numbers(row: Row) -> dict[str, float]:
         elif key not in ("episode", "greedy_episodes"):
             found[f"{kind}/{name}"] = value
     return found
-
-
-def to_csv(rows: list[Row]) -> str:
-    """Write rows as lines of `curve.csv` without its header; floats keep all digits."""
-    text = io.StringIO()
-    csv.DictWriter(text, COLUMNS, restval="", lineterminator="\n").writerows(rows)
-    return text.getvalue()

@@ -94,7 +94,7 @@ CELLS = st.lists(WORDS, min_size=1, max_size=4).map(" ".join)
 def test_a_table_breaks_no_word(columns: list[list[str]], width: int) -> None:
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(sys, "stdout", out := io.StringIO())
-        for name, value in {"FORCE_COLOR": "1", "TERM": "dumb", "COLUMNS": str(width)}.items():
+        for name, value in {"FORCE_COLOR": "1", "TERM": "xterm", "COLUMNS": str(width)}.items():
             patch.setenv(name, value)
         show([column[0] for column in columns], list(zip(*(column[1:] for column in columns), strict=True)))
         printed = Counter(re.sub(r"\x1b\[[0-9;]*m", "", out.getvalue()).split())

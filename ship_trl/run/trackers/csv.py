@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
+import csv
+
 from ship_trl.files.curve import COLUMNS, CURVE, Row
 from ship_trl.files.disk import writing
 from ship_trl.files.record import RunRecord
-from ship_trl.run.history import to_csv
 from ship_trl.run.plan import Run
 
 
@@ -18,12 +19,13 @@ class CsvTracker:
     def begin(self) -> None:
         """Write the header."""
         self._file = self._path.open("w", newline="")
-        self._file.write(",".join(COLUMNS) + "\n")
+        self._lines = csv.DictWriter(self._file, COLUMNS, restval="", lineterminator="\n")
+        self._lines.writeheader()
 
     def log(self, row: Row) -> None:
         """Write a row."""
         with writing(self._path):
-            self._file.write(to_csv([row]))
+            self._lines.writerow(row)
             self._file.flush()
 
     def finish(self, result: RunRecord) -> None:

@@ -82,6 +82,7 @@ class WandbTracker:
         started.define_metric("episode", hidden=True)
         for name in ("train/*", "greedy/*"):
             started.define_metric(name, step_metric="episode")
+        self._place, self._url = Path(started.dir).parent, started.url
         return started
 
     def _read_id(self) -> str | None:
@@ -99,9 +100,8 @@ class WandbTracker:
         """
         with atomic_write(self._note) as draft:
             draft.write_text(f"{self._run.config_hash} {self._id}")
-        here = Path(self._wandb.dir).parent.resolve()
         for folder in self._folder.glob(f"wandb/offline-run-*-{self._id}"):
-            if folder.resolve() != here:
+            if folder.resolve() != self._place.resolve():
                 shutil.rmtree(folder, ignore_errors=True)
 
     def _try(self, call: Callable[[], object]) -> None:
@@ -138,13 +138,13 @@ class WandbTracker:
 
     def close(self, failed: bool) -> None:
         """Finish the run in wandb, so that the next run of a sweep is a new one, and print where it is."""
-        folder, url = Path(self._wandb.dir).parent, self._wandb.url
-        if folder.is_relative_to(Path.cwd()):
-            folder = folder.relative_to(Path.cwd())
         self._try(lambda: self._wandb.finish(exit_code=int(failed)))
+        here = Path.cwd()
+        folder = self._place.relative_to(here) if self._place.is_relative_to(here) else self._place
         # If the upload failed, the folder still holds the whole run.
-        uploaded = url if url and not self._failed else None
-        console.say(f"wandb: {uploaded or f'{folder}; to upload it: wandb sync {shlex.quote(str(folder))}'}")
+        uploaded = self._url and not self._failed
+        sync = f"{folder}; to upload it: wandb sync {shlex.quote(str(folder))}"
+        console.say(f"wandb: {self._url if uploaded else sync}")
 
 
 def describe(error: Exception) -> str:

@@ -28,8 +28,8 @@ from studies.sources.plan import SETTINGS
 
 KINDS = {"fast=true": "ours", "fast=false": "ours, operation by operation"}
 GPU_BATCHES = (32, 256, 2048)
-# Agents in lockstep, also on a CPU, and environment steps that they take for their graphs to be captured.
-AGENTS, FEW_AGENTS, CAPTURE_STEPS = (1, 20, 80, 320), (1, 4), 50
+# Agents in lockstep, and environment steps that they take for their graphs to be captured.
+AGENTS, CAPTURE_STEPS = (1, 20, 80, 320), 50
 # Updates in one call of a probe on a GPU, and of agents in lockstep.
 UPDATES, AGENT_UPDATES = 8, 16
 
@@ -117,7 +117,7 @@ def draw_and_learn(ours: Ours) -> None:
 def lockstep_probes(device: str) -> list[Probe]:
     """Return training loops of many agents; the steps of all agents count."""
     setting, found = SETTINGS["pixels"], []
-    for count in FEW_AGENTS if device == "cpu" else AGENTS:
+    for count in AGENTS:
         runs = [Task(CASE, "", "scratch", seed, True).plan(setting, Path()) for seed in range(count)]
         agents, _ = make_lockstep(runs, starts(runs, [CASE] * count).to(device), setting.source_length)
         agents.train(runs[0].config.learn.warmup_steps + CAPTURE_STEPS)

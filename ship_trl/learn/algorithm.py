@@ -13,6 +13,7 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from typing import Any
 
+import torch
 from tensordict import TensorDictBase
 from torch import Generator, Tensor, nn
 
@@ -31,13 +32,7 @@ class DivergedError(Exception):
 
 
 class LearningHooks:
-    """What a method of transfer asks of an algorithm while it learns: from scratch, nothing.
-
-    Attributes:
-        thaws: whether layers that are frozen at first learn later.
-    """
-
-    thaws = False
+    """What a method of transfer asks of an algorithm while it learns: from scratch, nothing."""
 
     def frozen_layers(self, progress: float) -> int:
         """Return how many layers, counted from the input, do not learn at a share of the episodes."""
@@ -119,6 +114,7 @@ class Algorithm(ABC):
         encoders: further observations that the environment gives, each a function of states [N, S].
         epsilon: share of random actions; NaN where actions are drawn otherwise.
         optimiser: of the layers that learn.
+        exploration: random generator of the acting policy.
         dtype: number format of the conv layers in training.
         backend: name of what computes the conv layers in training.
     """
@@ -127,6 +123,7 @@ class Algorithm(ABC):
 
     def __init__(self, setup: Setup) -> None:
         self.draw, self.learn, self.method = setup.draw, setup.learn, setup.method
+        self.exploration = setup.exploration
         self.online_network = network = setup.network
         network.freeze(self.method.frozen_layers(0.0))
         network.backend = make_backend(network, self.draw, self.learn, setup.accelerator.incremental)
@@ -144,8 +141,7 @@ class Algorithm(ABC):
     def schedule(self, episode: int) -> float:
         """Set what changes over the training, and return the share of the episodes that have ended."""
         progress = episode / self.learn.episodes
-        if self.method.thaws:
-            self.freeze(self.method.frozen_layers(progress))
+        self.freeze(self.method.frozen_layers(progress))
         self.optimiser.set_lr(learning_rate_at(episode, self.learn))
         return progress
 
@@ -167,17 +163,27 @@ class Algorithm(ABC):
     def update(self) -> list[Tensor]:
         """Make the updates that are due, and return their losses."""
 
-    @abstractmethod
     def state_dict(self) -> dict[str, Tensor]:
         """Return what a checkpoint needs to go on with the same bits; tensors are not copied."""
+        return {
+            **add_prefix("online", self.online_network.state_dict()),
+            **add_prefix("adam", self.optimiser.averages(self.online_network)),
+            **add_prefix("method", self.method.state_dict()),
+            "exploration": self.exploration.get_state(),
+            "frozen": torch.tensor(self.online_network.frozen),
+        }
 
-    @abstractmethod
     def load_state_dict(self, state: Mapping[str, Tensor]) -> None:
         """Load what `state_dict` returned, into the memory of the networks.
 
         Raises:
             KeyError, RuntimeError, TypeError, ValueError: the state does not fit this algorithm.
         """
+        self.freeze(int(state["frozen"]))
+        self.online_network.load_state_dict(strip_prefix("online", state))
+        self.optimiser.load_averages(self.online_network, strip_prefix("adam", state))
+        self.method.load_state_dict(strip_prefix("method", state))
+        self.exploration.set_state(state["exploration"].cpu())
 
 
 def epsilon_at(episode: float, learn: Learn) -> float:

@@ -78,8 +78,8 @@ class DoubleDQN(Algorithm):
         if network.config.linear:
             # Quick to read and small, so the replay stores them in place of states.
             return {network.observes: self.draw}
-        are_linear = network.frozen >= network.linear_from and not self.method.thaws
-        if are_linear and not isinstance(network.backend, Dense):
+        never_learn = min(map(self.method.frozen_layers, (0.0, 1.0)))
+        if never_learn >= network.linear_from and not isinstance(network.backend, Dense):
             return {FEATURES: self.frozen_features}
         return {}
 
@@ -112,7 +112,7 @@ class DoubleDQN(Algorithm):
                 setattr(target, name, copy.deepcopy(layer).requires_grad_(False))
         named, slow = self.online_network.named_parameters(), dict(target.named_parameters())
         learning = {name: parameter.detach() for name, parameter in named if parameter.requires_grad}
-        self._learning = list(learning.values()), [slow[name] for name in learning]
+        self._learning = list(learning.values()), [slow[name].detach() for name in learning]
         # A loss of one's own may write into the batch or draw numbers.
         is_plain = type(self).loss is DoubleDQN.loss
         self._graph = self._capture(self._learn_from_values) if self._capture and is_plain else None
@@ -178,32 +178,18 @@ class DoubleDQN(Algorithm):
             self._find_learning()
 
     def state_dict(self) -> dict[str, Tensor]:
-        """Return networks, Adam's averages, replay, generators and counters; tensors are not copied."""
-        online, target = self.online_network.state_dict(), self.network.state_dict()
+        """Return what a checkpoint needs."""
+        state, target = super().state_dict(), self.network.state_dict()
         # Both networks share the tensors of frozen layers.
-        own = {key: value for key, value in target.items() if value.data_ptr() != online[key].data_ptr()}
-        return (
-            add_prefix("online", online)
-            | add_prefix("target", own)
-            | add_prefix("adam", self.optimiser.averages(self.online_network))
-            | add_prefix("replay", self.replay.state_dict())
-            | add_prefix("method", self.method.state_dict())
-            | {"exploration": self.policy.generator.get_state()}
-            | {"counters": torch.tensor([self.steps, self.updates, self.online_network.frozen])}
-        )
+        own = {k: v for k, v in target.items() if v.data_ptr() != state[f"online.{k}"].data_ptr()}
+        state |= add_prefix("target", own) | add_prefix("replay", self.replay.state_dict())
+        return state | {"counters": torch.tensor([self.steps, self.updates])}
 
     def load_state_dict(self, state: Mapping[str, Tensor]) -> None:
         """Load what `state_dict` returned."""
-        if state["counters"].dtype is not torch.int64:
-            raise TypeError("counters must be int64")
-        self.steps, self.updates, frozen = state["counters"].tolist()
-        self.freeze(frozen)
-        online = strip_prefix("online", state)
-        self.online_network.load_state_dict(online)
-        self.network.load_state_dict(online | strip_prefix("target", state))
-        self.optimiser.load_averages(self.online_network, strip_prefix("adam", state))
-        self.policy.generator.set_state(state["exploration"].cpu())
-        self.method.load_state_dict(strip_prefix("method", state))
+        super().load_state_dict(state)
+        self.steps, self.updates = map(int, state["counters"])
+        self.network.load_state_dict(strip_prefix("online", state) | strip_prefix("target", state))
         self.replay.load_state_dict(strip_prefix("replay", state))
 
 

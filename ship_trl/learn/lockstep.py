@@ -235,13 +235,13 @@ class Lockstep:
             lambda number: (self._reward[place_of(number)], self._ends[place_of(number)]),
             lambda number: (number + 1, number + 1 < held),
         )
-        first, last = place_of(number), place_of(last)
+        first, at = place_of(number), place_of(last)
         return (
             self._before[first],
             self._action[first],
             reward[..., None],
-            self._after[last],
-            self._terminated[last][..., None],
+            self._after[at],
+            self._terminated[at][..., None],
             length[..., None],
         )
 

@@ -100,7 +100,7 @@ class BestEpisodes:
         self._lengths[row], self._returns[row] = 0, 0.0
         start = tuple(self._steps[-length]["state"][row].tolist())
         if start not in self._best or episode_return > self._best[start].episode_return:
-            steps = torch.stack([step[row] for step in self._steps[-length:]])
+            steps = TensorDict.stack([step[row] for step in self._steps[-length:]])
             self._best[start] = Best(steps, episode_return)
 
     def take(self) -> Best:
@@ -116,10 +116,8 @@ class BestEpisodes:
         returns = {"returns": self._returns, "best_returns": [one.episode_return for one in best]}
         state = {name: torch.tensor(value, dtype=torch.int64) for name, value in lengths.items()}
         state |= {name: torch.tensor(value, dtype=torch.float64) for name, value in returns.items()}
-        if self._steps:
-            state |= add_prefix("steps", dict(torch.stack(self._steps).items()))
-        if best:
-            state |= add_prefix("best", dict(torch.cat([one.steps for one in best]).items()))
+        kept = [step for one in best for step in one.steps.unbind(0)]
+        state |= add_prefix("steps", stack(self._steps)) | add_prefix("best", stack(kept))
         return state | {"turn": torch.tensor(self._turn)}
 
     def load_state_dict(self, state: Mapping[str, Tensor], device: torch.device) -> None:
@@ -129,13 +127,18 @@ class BestEpisodes:
         self._steps = unstack(strip_prefix("steps", state), device)
         steps, self._best = unstack(strip_prefix("best", state), device), {}
         for length, value in zip(state["best_lengths"].tolist(), state["best_returns"].tolist(), strict=True):
-            episode = torch.stack(steps[:length])
+            episode: TensorDictBase = TensorDict.stack(steps[:length])
             self._best[tuple(episode["state"][0].tolist())] = Best(episode, value)
             del steps[:length]
 
 
+def stack(steps: list[TensorDictBase]) -> dict[str, Tensor]:
+    """Return steps as tensors [T, ...] by dotted names; none if there are none."""
+    return dict(TensorDict.stack(steps).flatten_keys(".").items()) if steps else {}
+
+
 def unstack(state: Mapping[str, Tensor], device: torch.device) -> list[TensorDictBase]:
-    """Return the steps of a checkpoint's tensors [T, ...] by dotted names; none if there are none."""
+    """Return the steps that `stack` returned."""
     if not state:
         return []
     steps = TensorDict(dict(state), state["action"].shape, device=device).unflatten_keys(".")
@@ -151,7 +154,7 @@ class PPO(Algorithm):
     def __init__(self, setup: Setup) -> None:
         super().__init__(setup)
         self.settings = settings_of.PPO(**{k: v for k, v in setup.options.items() if k != "build"})
-        self._exploration, self._shuffle = setup.exploration, setup.replay
+        self._shuffle = setup.replay
         self.loss = make_loss(self.settings)
         # Advantages are scaled to unit variance over the rollout.
         self.estimate = GAE(
@@ -172,7 +175,7 @@ class PPO(Algorithm):
         self.schedule(episode)
         self._imitates = episode >= self.settings.imitation_start * self.learn.episodes
         self._output = check_finite(self.online_network(self.draw(step["state"])))
-        action = torch.multinomial(self._output.softmax(-1), 1, generator=self._exploration)
+        action = torch.multinomial(self._output.softmax(-1), 1, generator=self.exploration)
         return step.set("action", action.squeeze(-1))
 
     def observe(self, step: TensorDictBase) -> None:
@@ -189,7 +192,7 @@ class PPO(Algorithm):
         """Learn from the rollout if it is full, and return the loss of each minibatch."""
         if len(self._rollout) < self.settings.rollout_steps:
             return []
-        steps = self.judge(torch.stack(self._rollout)).flatten()
+        steps = self.judge(TensorDict.stack(self._rollout)).flatten()
         self._rollout.clear()
         return [
             self.learn_from(steps[rows])
@@ -240,28 +243,19 @@ class PPO(Algorithm):
         return output.log_softmax(-1).gather(-1, best.steps["action"].unsqueeze(-1)).mean()
 
     def state_dict(self) -> dict[str, Tensor]:
-        """Return network, Adam's averages, the rollout so far, and generators; tensors are not copied."""
-        rollout = dict(torch.stack(self._rollout).flatten_keys(".").items()) if self._rollout else {}
-        return {
-            **add_prefix("online", self.online_network.state_dict()),
-            **add_prefix("adam", self.optimiser.averages(self.online_network)),
-            **add_prefix("best", self._best.state_dict() if self._best is not None else {}),
-            **add_prefix("rollout", rollout),
-            "exploration": self._exploration.get_state(),
-            "shuffle": self._shuffle.get_state(),
-            "frozen": torch.tensor(self.online_network.frozen),
-        }
+        """Return what a checkpoint needs."""
+        best = self._best.state_dict() if self._best is not None else {}
+        state = super().state_dict() | add_prefix("best", best)
+        state |= add_prefix("rollout", stack(self._rollout))
+        return state | {"shuffle": self._shuffle.get_state()}
 
     def load_state_dict(self, state: Mapping[str, Tensor]) -> None:
         """Load what `state_dict` returned."""
-        self.freeze(int(state["frozen"]))
-        self.online_network.load_state_dict(strip_prefix("online", state))
-        self.optimiser.load_averages(self.online_network, strip_prefix("adam", state))
+        super().load_state_dict(state)
         device = self.online_network.advantage.weight.device
         self._rollout = unstack(strip_prefix("rollout", state), device)
         if self._best is not None:
             self._best.load_state_dict(strip_prefix("best", state), device)
-        self._exploration.set_state(state["exploration"].cpu())
         self._shuffle.set_state(state["shuffle"].cpu())
 
 

@@ -41,7 +41,7 @@ class Pupil(DoubleDQN):
         # The replay holds states alone, which teacher and pupil see each in its own way.
         super().__init__(setup, make_replay=lambda *given, **_: StateReplay(*given[:4]))
         assert setup.teacher is not None, "the configuration names a teacher"
-        self.teacher, self.mirror, self._generator = setup.teacher, setup.mirror, setup.exploration
+        self.teacher, self.mirror = setup.teacher, setup.mirror
         self.settings = settings_of.Pupil(**{k: v for k, v in setup.options.items() if k != "build"})
         # Probability that the pupil chooses, else the teacher.
         self.own = 0.0
@@ -53,7 +53,7 @@ class Pupil(DoubleDQN):
     def best_actions(self, observed: Tensor) -> Tensor:
         """Return the best actions int64 [N] of states [N, S], by pupil or teacher."""
         action = self.teacher(observed).argmax(-1)
-        own = torch.rand(len(observed), generator=self._generator, device=observed.device) < self.own
+        own = torch.rand(len(observed), generator=self.exploration, device=observed.device) < self.own
         if own.any():
             action[own] = super().best_actions(observed[own])
         return action

@@ -198,11 +198,11 @@ def jumpstart(
         each.backend = Dense()
     returns: list[float] = []
     while len(returns) < draws:
-        count = min(len(networks), draws - len(returns))
-        for each in networks[:count]:
+        playing = networks[: draws - len(returns)]
+        for each in playing:
             redrawn.reset(generator, kept)
             each.load_state_dict(redrawn.state_dict())
-        returns += run_episodes(env, draw, networks[:count])
+        returns += run_episodes(env, draw, playing)
     return returns
 
 

@@ -49,7 +49,7 @@ def walk(
 def observed(learner: PPO, steps: int = 16, limit: int = 12) -> TensorDictBase:
     """Return the steps of a walk with advantages."""
     walk(learner, steps, limit)
-    judged: TensorDictBase = learner.judge(torch.stack(learner._rollout))
+    judged: TensorDictBase = learner.judge(TensorDict.stack(learner._rollout))
     return judged
 
 
@@ -79,7 +79,7 @@ def test_outputs_hold_both_heads_and_each_loss_moves_its_own() -> None:
 def test_advantages_bootstrap_at_truncations_and_stop_at_every_end(limit: int) -> None:
     learner = make(learn={"reward_scale": 0.1})
     steps = walk(learner, 16, limit)
-    got = learner.judge(torch.stack(learner._rollout))
+    got = learner.judge(TensorDict.stack(learner._rollout))
     assert any(step["next", "truncated" if limit == 3 else "terminated"].any() for step in steps)
     value = [state_value(learner.online_network(draw(step["state"]))) for step in steps]
     after = [state_value(learner.online_network(draw(step["next", "state"]))) for step in steps]
@@ -120,7 +120,7 @@ def test_the_best_episode_is_imitated_from_a_share_of_the_episodes_on(episode: i
     for coeff in (0.0, 2.0):
         learner = make(imitation_coeff=coeff, imitation_start=0.5)
         seen = walk(learner, 16, limit=4, episode=episode)
-        steps = learner.judge(torch.stack(learner._rollout)).flatten()
+        steps = learner.judge(TensorDict.stack(learner._rollout)).flatten()
         losses.append(float(learner.learn_from(steps)))
     # Episodes of four steps; of equally good ones the first is kept.
     taken: TensorDict = torch.stack(seen).unflatten(0, (4, 4))

@@ -21,7 +21,7 @@ class Freezing(LearningHooks):
     """Freezes the first layers up to a share of the episodes, and adds nothing to the loss."""
 
     def __init__(self, layers: int = 2, until: float = 2.0) -> None:
-        self.layers, self.until, self.thaws = layers, until, until < 1.0
+        self.layers, self.until = layers, until
 
     def frozen_layers(self, progress: float) -> int:
         return self.layers if progress < self.until else 0

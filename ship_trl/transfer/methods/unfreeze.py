@@ -14,7 +14,6 @@ from ship_trl.transfer.weights import Weights
 class Unfreeze(TransferMethod):
     """Copies the arm's layers, freezes them, and thaws them from the last one down."""
 
-    thaws = True
     _frozen = 0
 
     def copy(self, network: DuelingNetwork, weights: Weights) -> None:

@@ -41,9 +41,8 @@ from ship_trl.gym import ShipCollisionVectorEnv
 from ship_trl.learn.rollout import Policy, rollout
 from ship_trl.run.console import show
 from ship_trl.run.process import configure_process, processor_name
-from ship_trl.sim.cases import load_world
+from ship_trl.sim.cases import load_suite, load_world
 from ship_trl.sim.env import ShipEnv
-from ship_trl.sim.suites import load_suite
 from ship_trl.sim.vector import VectorObservation
 from ship_trl.view.style import CHART_DASHES, CHART_SERIES, MUTED, save_figure, tidy
 

@@ -17,10 +17,9 @@ from benchmarks.pygame_env import PygameShipEnv, TunedPygameShipEnv
 from benchmarks.timing import Probe
 from ship_trl.fast.worlds import make_env, make_starts
 from ship_trl.gym import ShipCollisionEnv, ShipCollisionVectorEnv
-from ship_trl.sim.cases import Case, load_case, load_world
+from ship_trl.sim.cases import Case, load_case, load_suite, load_world
 from ship_trl.sim.env import ShipEnv
 from ship_trl.sim.state import first_case
-from ship_trl.sim.suites import load_suite
 
 CASES = ("1", "2", "4")
 BATCH_SIZES, GPU_SIZES = (1, 16, 64, 1024), (1, 64, 4096, 65536)

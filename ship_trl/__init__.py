@@ -7,9 +7,8 @@ from typing import TYPE_CHECKING, Any
 if TYPE_CHECKING:
     from ship_trl.config.types import World
     from ship_trl.learn.rollout import Policy
-    from ship_trl.sim.cases import Case
+    from ship_trl.sim.cases import Case, Suite
     from ship_trl.sim.env import ShipEnv
-    from ship_trl.sim.suites import Suite
 
 __version__ = "0.1.0"
 
@@ -29,8 +28,7 @@ def make_env(
         ConfigError: there is no such case.
     """
     from ship_trl.fast import worlds
-    from ship_trl.sim.cases import load_world
-    from ship_trl.sim.suites import load_suite
+    from ship_trl.sim.cases import load_suite, load_world
 
     world = world or load_world()
     begun = load_suite(suite, world, "case") if isinstance(suite, str) else suite

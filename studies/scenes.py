@@ -28,10 +28,19 @@ from ship_trl.fast.worlds import make_starts
 from ship_trl.files.disk import atomic_write
 from ship_trl.policies.planner import best_plan
 from ship_trl.policies.reference import BUNDLED_PLANS, plan_name, save_plan
-from ship_trl.sim.cases import Case, TargetShip, load_case, load_world
+from ship_trl.sim.cases import (
+    MAX_SHIPS,
+    SHIP_COLUMNS,
+    TABLE_COLUMNS,
+    Case,
+    Scene,
+    TargetShip,
+    load_case,
+    load_suite,
+    load_world,
+)
 from ship_trl.sim.encounter import Encounter, classify, relative_motion
 from ship_trl.sim.state import SHIP_COUNT, first_case
-from ship_trl.sim.suites import MAX_SHIPS, SHIP_COLUMNS, TABLE_COLUMNS, Scene, load_suite
 
 # 15 strata of 32 scenes with ships, and 20 scenes without.
 ROOM, EMPTY_ROOM = 32, 20

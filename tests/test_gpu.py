@@ -18,9 +18,8 @@ from ship_trl.learn.network import DuelingNetwork
 from ship_trl.learn.train import Training
 from ship_trl.run.plan import make_run
 from ship_trl.run.setup import Parts, make_parts
-from ship_trl.sim.cases import load_case
+from ship_trl.sim.cases import load_case, load_suite
 from ship_trl.sim.state import initial_state
-from ship_trl.sim.suites import load_suite
 from ship_trl.sim.transition import Transition
 from tests.command import ship_trl
 

@@ -15,11 +15,11 @@ ROOMS = (
 TOP = "__init__"
 # Checks come before torch: no file of these imports it at its top.
 WITHOUT_TORCH = (
-    "config", "files", "cli", "__main__", "sim/cases", "sim/suites", "transfer/similarity",
+    "config", "files", "cli", "__main__", "sim/cases", "transfer/similarity",
     "transfer/casebase",
-    "policies/pretrained", "policies/demonstrations", "policies/entry", "policies/registry",
+    "policies/pretrained", "policies/demonstrations", "policies/registry",
     "run/plan", "run/process", "run/console", "grid/launchers", "run/results",
-    "grid/callback", "grid/compose", "run/entries", "run/scores", "run/pretrain", "policies/onnx",
+    "grid/callback", "grid/compose", "run/entries", "run/scores", "run/pretrain",
     "explain/study", "study", "learn/settings",
 )  # fmt: skip
 FILES = sorted(PACKAGE.rglob("*.py"))

@@ -91,7 +91,7 @@ COMPARE = """
 import torch
 from ship_trl.sim.cases import load_world
 from ship_trl.fast.worlds import make_starts
-from ship_trl.sim.suites import load_suite
+from ship_trl.sim.cases import load_suite
 from ship_trl.fast.worlds import make_step
 
 world = load_world()

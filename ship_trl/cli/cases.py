@@ -20,8 +20,16 @@ from ship_trl.config.paths import conf_dir
 from ship_trl.config.types import World
 from ship_trl.policies.pretrained import networks
 from ship_trl.run.console import show
-from ship_trl.sim.cases import Case, load_world, read_values, readable_cases, to_course
-from ship_trl.sim.suites import Suite, load_suite, suite_of
+from ship_trl.sim.cases import (
+    Case,
+    Suite,
+    load_suite,
+    load_world,
+    read_values,
+    readable_cases,
+    suite_of,
+    to_course,
+)
 from ship_trl.study.transfers import BUNDLED_TABLE, TABLE, Transfer, read_transfers, transfers_to
 from ship_trl.transfer.casebase import CaseBase, rank
 from ship_trl.transfer.similarity import MEASURES, describe_similarity, distance, similarity

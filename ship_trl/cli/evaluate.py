@@ -21,8 +21,8 @@ from ship_trl.cli.errors import refusals
 from ship_trl.cli.parser import add_number, add_output, add_policies, add_seed, make_parser
 from ship_trl.config.bounds import HEAD_ON_DEGREES, HalfAngle, Positive
 from ship_trl.config.errors import ConfigError, print_error
-from ship_trl.policies.entry import EPISODES, SHOWN, Entry, rollout_entry
 from ship_trl.policies.pretrained import PRETRAINED
+from ship_trl.policies.registry import EPISODES, SHOWN, Entry
 from ship_trl.run.entries import find_entries
 from ship_trl.run.scores import HEADINGS as SCORES
 from ship_trl.run.scores import RULE_SCORES, Scored, describe_scores, describe_worlds
@@ -80,6 +80,7 @@ def check(entries: list[Entry], options: Namespace) -> None:
 def evaluate(entries: list[Entry], options: Namespace) -> list[str]:
     """Roll out every entry and print a table; return a line for each that does not reach its claim."""
     from ship_trl.policies.demonstrations import write_demonstration
+    from ship_trl.policies.named import rollout_entry
     from ship_trl.run.process import configure_process
 
     configure_process()
@@ -103,7 +104,7 @@ def evaluate(entries: list[Entry], options: Namespace) -> list[str]:
             for episode in episodes:
                 end = episode.episode_return, episode.outcome
                 actions, folder = episode.actions.tolist(), options.demonstrations
-                write_demonstration(folder, entry.case, entry.world, actions, end, entry.label)
+                write_demonstration(folder, entry.suite.case, entry.world, actions, end, entry.label)
     print_table(found, options)
     if found:
         write_files(found, env, policy, options)

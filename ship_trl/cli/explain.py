@@ -16,7 +16,7 @@ from ship_trl.cli.errors import refusals
 from ship_trl.cli.parser import add_number, add_policies, add_seed, make_parser
 from ship_trl.config.command import command
 from ship_trl.config.errors import ConfigError
-from ship_trl.policies.entry import Entry
+from ship_trl.policies.registry import Entry
 from ship_trl.run.entries import drop_last_networks, find_entries
 
 OUTPUT = Path("outputs/explain")
@@ -51,10 +51,10 @@ def choose_entries(words: list[str], colour: bool) -> list[Entry]:
     entries = drop_last_networks(find_entries(words, colour))
     first = entries[0]
     for other in entries[1:]:
-        if other.case.fingerprint != first.case.fingerprint:
+        if other.suite.case.fingerprint != first.suite.case.fingerprint:
             raise ConfigError(
-                f"target: {first.label} is for case {first.case.name}, and {other.label} is for case "
-                f"{other.case.name}; allowed: one, given as target=CASE"
+                f"target: {first.label} is for case {first.suite.case.name}, and {other.label} is for case "
+                f"{other.suite.case.name}; allowed: one, given as target=CASE"
             )
         if other.world != first.world or other.colour != first.colour:
             raise ConfigError(f"policy: {first.label} and {other.label} differ in world or colours")

@@ -15,7 +15,6 @@ import sys
 from ship_trl.cli.errors import refusals
 from ship_trl.cli.parser import add_output, make_parser
 from ship_trl.config.errors import ConfigError, missing_extra
-from ship_trl.policies.onnx import export
 from ship_trl.run.entries import drop_last_networks, find_entries
 
 REQUIRED = ("onnx", "onnxscript")
@@ -38,6 +37,7 @@ def main(arguments: list[str] | None = None) -> None:
         if len(entries) > 1:
             raise ConfigError(f"policy: {options.policy} has several results or cases; allowed: one of each")
 
+        from ship_trl.policies.onnx import export
         from ship_trl.run.process import configure_process
 
         configure_process()

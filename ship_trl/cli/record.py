@@ -18,7 +18,7 @@ from ship_trl.cli.errors import refusals
 from ship_trl.cli.parser import add_number, add_output, add_policies, add_seed, add_size, make_parser
 from ship_trl.cli.watch import DEFAULT_WORDS
 from ship_trl.config.errors import ConfigError, missing_extra
-from ship_trl.policies.entry import Entry, split_suites
+from ship_trl.policies.registry import Entry, split_suites
 from ship_trl.run.entries import drop_last_networks, find_entries
 
 if TYPE_CHECKING:
@@ -53,7 +53,7 @@ def main(arguments: list[str] | None = None) -> None:
             check_mp4(options.size)
         named = drop_last_networks(find_entries(options.words, options.colour))
         entries = split_suites(named, options.seed)
-        cases = {entry.case.fingerprint: entry.case.name for entry in entries}
+        cases = {entry.suite.case.fingerprint: entry.suite.case.name for entry in entries}
         if options.trajectories is not None and len(cases) > 1:
             raise ConfigError(f"--trajectories: one case, got {', '.join(cases.values())}; give target=CASE")
 
@@ -113,12 +113,12 @@ def record_film(entries: list[Entry], options: Namespace) -> None:
 
 def record_chart(entries: list[Entry], options: Namespace) -> None:
     """Draw the paths of all entries on their one case; the seeds of an arm are one group."""
-    from ship_trl.policies.entry import rollout_entry
+    from ship_trl.policies.named import rollout_entry
     from ship_trl.view.charts import draw_trajectories
 
     groups: dict[str, list[Episode]] = {}
     for entry in entries:
         _, _, episodes = rollout_entry(entry, seed=options.seed)
         groups.setdefault(entry.label.split(" seed ")[0], []).append(episodes[0])
-    draw_trajectories(options.trajectories, entries[0].case, entries[0].world, groups)
+    draw_trajectories(options.trajectories, entries[0].suite.case, entries[0].world, groups)
     sys.stdout.write(f"{options.trajectories}\n")

@@ -11,7 +11,7 @@ from __future__ import annotations
 from ship_trl.cli.errors import refusals
 from ship_trl.cli.parser import add_policies, add_seed, add_size, make_parser
 from ship_trl.config.command import command
-from ship_trl.policies.entry import failures_first, split_suites
+from ship_trl.policies.registry import split_suites
 from ship_trl.run.entries import find_entries
 
 DEFAULT_WORDS = ["pretrained", "target=4"]
@@ -28,6 +28,7 @@ def main(arguments: list[str] | None = None) -> None:
     with refusals():
         entries = split_suites(find_entries(options.words, options.colour), options.seed)
 
+        from ship_trl.policies.named import failures_first
         from ship_trl.run.process import configure_process
         from ship_trl.view.window import Session, open_window
 

@@ -21,13 +21,13 @@ from ship_trl.files.record import RESULT, RunRecord, read_run
 from ship_trl.files.untrusted import read_yaml
 from ship_trl.learn.network import DuelingNetwork, make_network
 from ship_trl.learn.rollout import greedy_policy, rollout
-from ship_trl.policies.entry import SHOWN, Entry
 from ship_trl.policies.named import load_with_network
 from ship_trl.policies.pretrained import find, is_pretrained
+from ship_trl.policies.registry import SHOWN, Entry
 from ship_trl.run.plan import Run
 from ship_trl.run.results import locate, read_run_settings
 from ship_trl.run.setup import read_source
-from ship_trl.sim.suites import load_suite
+from ship_trl.sim.cases import load_suite
 from ship_trl.transfer.casebase import CONFIG
 from ship_trl.transfer.methods import make_method
 
@@ -75,7 +75,7 @@ def load_networks(entries: list[Entry]) -> list[Compared]:
     """
     found: list[Compared] = []
     for entry, name in zip(entries, name_entries(entries), strict=True):
-        env = make_env(entry.case, entry.world, 1, colour=entry.colour)
+        env = make_env(entry.suite.case, entry.world, 1, colour=entry.colour)
         _, network = load_with_network(entry.policy, env)
         if network.config.linear:
             raise ConfigError(f"policy: {entry.policy} sees numbers; allowed: networks that see pixels")

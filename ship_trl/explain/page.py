@@ -31,7 +31,7 @@ from ship_trl.fast.worlds import make_env
 from ship_trl.files.disk import atomic_write
 from ship_trl.learn.network import DuelingNetwork
 from ship_trl.learn.rollout import greedy_policy, rollout
-from ship_trl.policies.entry import Entry
+from ship_trl.policies.registry import Entry
 from ship_trl.run.process import configure_process
 from ship_trl.sim.env import ShipEnv
 from ship_trl.view.style import add_legend, save_figure, tidy
@@ -79,12 +79,12 @@ def write(entries: list[Entry], output: Path, episodes: int, seed: int, command:
     first = dataclasses.replace(first, colour=network.colour)
     # Fail before the long computation if the folder cannot be written.
     output.mkdir(parents=True, exist_ok=True)
-    log(f"case {first.case.name}: {len(named)} networks, {name} is explained")
+    log(f"case {first.suite.case.name}: {len(named)} networks, {name} is explained")
     origin = find_origin(first, name)
     # One random stream for each purpose.
     state_draws, weight_draws = (Generator().manual_seed(seed + k) for k in range(2))
     vector_time = network.config.vector_time
-    env = make_env(first.case, first.world, 1, colour=first.colour, vector_time=vector_time)
+    env = make_env(first.suite.case, first.world, 1, colour=first.colour, vector_time=vector_time)
     states = draw_states(env, network, episodes, state_draws)
     log(f"{len(states.states)} states of {episodes} episodes")
     networks = add_controls(named, origin, weight_draws)
@@ -109,7 +109,7 @@ def write(entries: list[Entry], output: Path, episodes: int, seed: int, command:
     environment = jinja2.Environment(loader=loader, autoescape=True, undefined=jinja2.StrictUndefined)
     page = environment.get_template("page.html").render(
         name=name,
-        case=first.case.name,
+        case=first.suite.case.name,
         command=command,
         facts=list_facts(first, origin, states, measured),
         tables=make_tables(measured),

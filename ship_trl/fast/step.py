@@ -1,4 +1,4 @@
-"""`sim.transition.Transition` and `sim.traffic.draw_scenes` as compiled loops; tests compare them.
+"""`sim.transition.Transition` and `sim.starts.draw_scenes` as compiled loops; tests compare them.
 
 It avoids torch's overhead per operator, which dominates in small batches.
 """
@@ -17,7 +17,7 @@ from torch import Tensor
 
 from ship_trl.config.types import World
 from ship_trl.fast.jit import RELAXED, Loop, compiled
-from ship_trl.sim import encounter, traffic
+from ship_trl.sim import encounter, starts
 from ship_trl.sim.cases import GIVES_WAY, GIVING_WAY, HOLDS_COURSE
 from ship_trl.sim.reward import MAX_SHIP_DISTANCE, POSITION_TOLERANCE, TERMS, PaidStep
 from ship_trl.sim.state import (
@@ -50,15 +50,15 @@ ONE, ZERO = np.float32(1.0), np.float32(0.0)
 for shared in (encounter.meets, encounter.crosses, encounter.overtakes, encounter.classify):
     register_jitable(fastmath=RELAXED)(shared)
 DRAWING: tuple[Loop, ...] = (
-    traffic.uniform,
-    traffic.draw_ship,
-    traffic.keeps_clear,
-    traffic.draw_ships,
-    traffic.is_solvable,
+    starts.uniform,
+    starts.draw_ship,
+    starts.keeps_clear,
+    starts.draw_ships,
+    starts.is_solvable,
 )
 for loop in DRAWING:
     register_jitable(fastmath=RELAXED, error_model="numpy")(loop)
-draw_scenes = compiled(RELAXED)(traffic.draw_scenes)
+draw_scenes = compiled(RELAXED)(starts.draw_scenes)
 bearing_of = register_jitable(fastmath=RELAXED)(encounter.bearing_of)
 must_give_way = register_jitable(fastmath=RELAXED)(encounter.must_give_way)
 

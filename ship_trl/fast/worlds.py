@@ -11,42 +11,46 @@ from ship_trl.config.types import World
 from ship_trl.fast.graphs import Captured
 from ship_trl.learn.algorithm import Accelerator
 from ship_trl.learn.network import Backend, Draw
-from ship_trl.sim.cases import Case
+from ship_trl.sim.cases import Case, Suite
 from ship_trl.sim.env import Engine, ShipEnv
 from ship_trl.sim.render import Drawing, Rasteriser
 from ship_trl.sim.starts import Starts, TrafficStarts
 from ship_trl.sim.starts import make_starts as make_plain_starts
-from ship_trl.sim.suites import Suite
 from ship_trl.sim.transition import Step, Transition
 
 # Loops are imported where they are needed: numba takes half a second, and a GPU needs none.
 
 
-def compile_step(transition: Transition) -> Step:
-    """Return the simulation step as a compiled loop, or on a GPU as a CUDA graph."""
-    kind = transition.actions.device.type
-    if kind != "cpu":
-        return Captured(transition) if kind == "cuda" else transition
-    from ship_trl.fast.step import CompiledStep
+class Slow(Engine):
+    """Torch steps and draws. Random encounters, the same in all worlds, take milliseconds each in Python."""
 
-    return CompiledStep(transition)
+    def scenes(self, *arguments: Any) -> bool:
+        """Draw random encounters by a compiled loop."""
+        from ship_trl.fast import step
 
-
-def compile_drawing(rasteriser: Rasteriser) -> Drawing:
-    """Return the drawing as a compiled loop, or on a GPU as a CUDA graph."""
-    kind = rasteriser.device.type
-    if kind != "cpu":
-        return Captured(rasteriser.reference) if kind == "cuda" else rasteriser.reference
-    from ship_trl.fast.draw import CompiledDrawing
-
-    return CompiledDrawing(rasteriser)
+        return bool(step.draw_scenes(*arguments))
 
 
-def draw_scenes(*arguments: Any) -> bool:
-    """Draw random encounters, as `sim.traffic.draw_scenes`."""
-    from ship_trl.fast import step
+class Fast(Slow):
+    """Compiled loops, or CUDA graphs on a GPU."""
 
-    return bool(step.draw_scenes(*arguments))
+    def step(self, transition: Transition) -> Step:
+        """Make the simulation step."""
+        kind = transition.actions.device.type
+        if kind != "cpu":
+            return Captured(transition) if kind == "cuda" else transition
+        from ship_trl.fast.step import CompiledStep
+
+        return CompiledStep(transition)
+
+    def drawing(self, rasteriser: Rasteriser) -> Drawing:
+        """Make the drawing."""
+        kind = rasteriser.device.type
+        if kind != "cpu":
+            return Captured(rasteriser.reference) if kind == "cuda" else rasteriser.reference
+        from ship_trl.fast.draw import CompiledDrawing
+
+        return CompiledDrawing(rasteriser)
 
 
 def make_incremental(draw: Draw, dtype: torch.dtype, geometry: Geometry) -> Backend:
@@ -56,14 +60,9 @@ def make_incremental(draw: Draw, dtype: torch.dtype, geometry: Geometry) -> Back
     return Incremental(cast(Any, draw).background, dtype, geometry)
 
 
-FAST = Engine(compile_step, compile_drawing, draw_scenes)
-# Random encounters are the same in all worlds; in Python each takes some milliseconds.
-SLOW = Engine(scenes=draw_scenes)
-
-
 def engine(fast: bool = True) -> Engine:
     """Return what computes worlds; if not `fast`, torch alone steps and draws."""
-    return FAST if fast else SLOW
+    return Fast() if fast else Slow()
 
 
 def accelerator(fast: bool = True) -> Accelerator:
@@ -85,7 +84,7 @@ def make_step(world: World, device: torch.device | str = "cpu", *, fast: bool = 
 
 def make_starts(suite: Suite, world: World) -> Starts | TrafficStarts:
     """Make what draws the initial states of a suite."""
-    return make_plain_starts(suite, world, draw_scenes)
+    return make_plain_starts(suite, world, Slow().scenes)
 
 
 def make_rasteriser(world: World, *, fast: bool = True, **given: Any) -> Rasteriser:

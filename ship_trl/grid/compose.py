@@ -29,7 +29,7 @@ from ship_trl.config.paths import conf_dir, group_names
 from ship_trl.config.schema import keys_at
 from ship_trl.config.types import Config
 from ship_trl.files.untrusted import LOADER
-from ship_trl.sim.suites import profile_of
+from ship_trl.sim.cases import profile_of
 
 # That of conf/config.yaml.
 DEFAULT_PROFILE = "quick"

@@ -9,6 +9,7 @@ import hashlib
 import itertools
 import json
 from collections.abc import Sequence
+from contextlib import suppress
 from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Annotated
@@ -61,10 +62,21 @@ def write_demonstration(
     folder.mkdir(parents=True, exist_ok=True)
     found = Demonstration(case.name, case.fingerprint, digest(world), list(actions), *ended, by)
     paths = (folder / f"{case.name}-{number:03d}.json" for number in itertools.count(1))
-    path = next(path for path in paths if not path.exists())
-    with atomic_write(path) as draft:
-        draft.write_text(json.dumps(asdict(found)) + "\n")
+    path = next(path for path in paths if _create(path))
+    try:
+        with atomic_write(path) as draft:
+            draft.write_text(json.dumps(asdict(found)) + "\n")
+    except OSError:
+        path.unlink()
+        raise
     return path
+
+
+def _create(path: Path) -> bool:
+    """Create an empty file, so that another process takes the next number; return False if it is there."""
+    with suppress(FileExistsError), path.open("x"):
+        return True
+    return False
 
 
 def read_demonstrations(folder: Path, case: Case, world: World) -> list[Demonstration]:

@@ -1,10 +1,26 @@
-"""Measure episodes of encounters: their ends, distances, rule scores (`rules`) and detours."""
+"""Measure episodes of encounters: their ends, distances, detours, and how they keep the steering rules.
+
+Rules are COLREGs 8 and 13 to 17, scored as by Hagen et al., Ocean Engineering 288:115991, 2023, after Woerner
+et al. 2019 (doi 10.1007/s10514-018-9765-y), read from a public reconstruction. Numbers in parentheses are its
+equations. Encounter classes are Pedersen's, locked at the onset (`sim.encounter.Encounters`).
+
+Ours: radii are scaled from a collision radius of 35 m to the safe distance, and the stages by the window of
+the picture. Where an encounter begins inside stage 3, the delay counts from its onset. Of several changes,
+the manoeuvre is the one with the largest turn, and then the largest change of speed. A change begins where
+course and speed were last held: within `HOLD` seconds the turn was below its first bound, and the change of
+speed below its second, so that small corrections do not count. The manoeuvre must begin before the closest
+approach, and then counts for at least `REACTION` seconds: it may open the range at once. Rule 17's penalty
+is the largest of three: the apparent changes of course and of speed before stage 4, and a port turn in
+stage 4 towards a ship to port. Rule 14 scores 0 after a collision, as the other rules do. In this world a
+hard turn also halves the speed, which counts as apparent.
+"""
 
 from __future__ import annotations
 
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 import torch
@@ -15,11 +31,31 @@ from torch.nn.utils.rnn import pad_sequence
 from ship_trl.config.bounds import HEAD_ON_DEGREES, RULES
 from ship_trl.config.types import World
 from ship_trl.learn.rollout import Episode
-from ship_trl.policies.rules import at, closest_pass, scaled_settings, score_rules
-from ship_trl.sim.encounter import Encounter, relative_motion
-from ship_trl.sim.state import goal, goal_distance, position
+from ship_trl.sim.encounter import Encounter, Encounters, Motion, are_ruled, relative_motion
+from ship_trl.sim.geometry import angle_off_bow, nearest_points, wrap_angle
+from ship_trl.sim.state import (
+    HEADING,
+    SHIP_HEADING,
+    SPEED,
+    goal,
+    goal_distance,
+    is_present,
+    position,
+    relative_positions,
+    target_ships,
+)
 
 Numbers = NDArray[np.float64]
+# The source's collision radius (m).
+COLLISION = 35.0
+# Metres.
+STAGE3, STAGE4 = 236.0, 67.0
+# A change of course (degrees) or speed (shares) counts from the first bound, and in full at the second.
+TURN, SPEED_CHANGE, STARBOARD = (2.0, 30.0), (0.07, 0.25), (10.0, 30.0)
+# Seconds.
+REACTION, HOLD = 10.0, 5.0
+# Encounter classes in tables.
+CLASS_NAMES = ("none", "head-on", "give way", "stand on", "overtaking", "overtaken")
 
 
 @dataclass(frozen=True, eq=False)
@@ -71,13 +107,15 @@ def measure_episodes(
     """
     states = pad_sequence([one.states for one in episodes], batch_first=True).double()
     last = torch.tensor([one.length for one in episodes])
-    scores = score_rules(states, last, world, scaled_settings(world, head_on))
+    scores = score_rules(states, last, world, head_on)
     is_goal = torch.tensor([one.goal for one in episodes])
     path, time = route_ratios(states, last, world)
     ship = main_ship(states, last, scores.onset)
     classes, dcpa, tcpa = torch.full_like(last, Encounter.NONE), *torch.full((2, len(last)), math.nan)
     if ship is not None:
-        dcpa, tcpa = (part.gather(1, ship)[:, 0] for part in approach_at(states, scores.manoeuvre))
+        motion, manoeuvre = relative_motion(states), scores.manoeuvre
+        predicted = (at(part, manoeuvre.clamp(min=0)) for part in (motion.dcpa, motion.tcpa))
+        dcpa, tcpa = (one.masked_fill(manoeuvre < 0, math.nan).gather(1, ship)[:, 0] for one in predicted)
         classes = scores.encounter.gather(1, ship)[:, 0]
     nearest = [one.dcpa if math.isfinite(one.dcpa) else math.nan for one in episodes]
     values = {
@@ -92,14 +130,9 @@ def measure_episodes(
     }
     return Measurements(
         np.array([one.outcome for one in episodes]),
-        np.array([class_name(Encounter(one)) for one in classes.tolist()]),
+        np.array([CLASS_NAMES[one] for one in classes.tolist()]),
         {name: value.double().numpy() for name, value in values.items()},
     )
-
-
-def class_name(encounter: Encounter) -> str:
-    """Return the name of an encounter class in tables: "head-on", "give way"."""
-    return "head-on" if encounter is Encounter.HEAD_ON else encounter.name.lower().replace("_", " ")
 
 
 def route_ratios(states: Tensor, last: Tensor, world: World) -> tuple[Tensor, Tensor]:
@@ -124,13 +157,6 @@ def route_ratios(states: Tensor, last: Tensor, world: World) -> tuple[Tensor, Te
     return way / straight, last * world.dt * world.actions[world.straight_action][0] / straight
 
 
-def approach_at(states: Tensor, manoeuvre: Tensor) -> tuple[Tensor, Tensor]:
-    """Return DCPA (m) and TCPA (s) of every ship at steps int64 [N, K]; NaN at step -1. States [N, T, S]."""
-    motion = relative_motion(states)
-    dcpa, tcpa = (at(part, manoeuvre.clamp(min=0)) for part in (motion.dcpa, motion.tcpa))
-    return dcpa.masked_fill(manoeuvre < 0, math.nan), tcpa.masked_fill(manoeuvre < 0, math.nan)
-
-
 def main_ship(states: Tensor, last: Tensor, onset: Tensor) -> Tensor | None:
     """Return the place of each episode's first encounter, int64 [N, 1], of several the nearest at the onset.
 
@@ -140,9 +166,206 @@ def main_ship(states: Tensor, last: Tensor, onset: Tensor) -> Tensor | None:
     if not onset.shape[1]:
         return None
     distance = at(relative_motion(states).distance, onset.clamp(min=0))
-    nearest = closest_pass(states, torch.zeros_like(onset), last[:, None]).distance
+    nearest = closest_pass(states, torch.zeros_like(onset), last[:, None])[1]
     never = onset < 0
     rank = torch.where(never, nearest, distance)
     # An episode has far fewer steps, and its ships are nearer.
     order = torch.where(never, 1e12, onset * 1e7) + rank.nan_to_num(posinf=1e6).clamp(max=1e6)
     return order.argmin(1, keepdim=True)
+
+
+class Scores(NamedTuple):
+    """What N episodes did about their K target ships.
+
+    Attributes:
+        encounter: classes at the onset, int64 [N, K]; `NONE` without an onset.
+        onset: step of the onset, int64 [N, K]; -1 without one.
+        manoeuvre: step at which the manoeuvre after it is chosen, int64 [N, K]; -1 without one.
+        turn: largest change of course after the onset (degrees), starboard positive, [N, K].
+        safety: equation 2, [N, K]; NaN without an onset.
+        rules: scores from 0 to 1 by `config.bounds.RULES`, [N, K, 6]; NaN where a rule does not apply.
+            Head-on 8 and 14, give way 8, 15 and 16, overtaking 8, 13 and 16, stand on and overtaken 17.
+    """
+
+    encounter: Tensor
+    onset: Tensor
+    manoeuvre: Tensor
+    turn: Tensor
+    safety: Tensor
+    rules: Tensor
+
+
+def score_rules(states: Tensor, last: Tensor, world: World, head_on: float = HEAD_ON_DEGREES) -> Scores:
+    """Score episodes by their states; distances are in the scale of the world's safe distance.
+
+    An encounter begins when the DCPA is below 4/3 of the safe distance within the next 30 s.
+
+    Args:
+        states: states of N episodes [N, T + 1, S], padded with any states at their ends.
+        last: index of each episode's last state, int64 [N].
+        world: length of a step, safe distance.
+        head_on: half-angle of the head-on sector, in degrees.
+    """
+    states, last, safe = states.double(), last[:, None], world.safe_distance
+    motion = relative_motion(states)
+    encounters = Encounters(safe * 4 / 3, 30.0, 2 * safe, head_on)
+    # Classes stay from the onset until the ships are past and clear, int64 [N, T + 1, K].
+    ruled = motion._replace(dcpa=motion.dcpa.masked_fill(~are_ruled(states, motion), math.inf))
+    now = (Motion(*(part[:, t] for part in ruled)) for t in range(states.shape[1]))
+    classes = torch.stack([encounters.update(states[:, t], one) for t, one in enumerate(now)], 1)
+    time = torch.arange(states.shape[1])[:, None]
+    begins = first((classes != Encounter.NONE) & (time < last[:, None]))
+    has_onset, onset = begins >= 0, begins.clamp(min=0)
+    kind = at(classes, onset).masked_fill(~has_onset, Encounter.NONE)
+    cpa, distance, bearing, aspect = closest_pass(states, onset, last)
+    safety = safety_score(distance, bearing, aspect, safe)
+
+    # Changes against the onset.
+    heading, speed = (states[..., column, None].expand_as(motion.distance) for column in (HEADING, SPEED))
+    turns = -torch.rad2deg(wrap_angle(heading - at(heading, onset)[:, None]))
+    changes = (speed / at(speed, onset).clamp(min=1e-6)[:, None] - 1).abs()
+    manoeuvre = _manoeuvre(turns, speed, changes, onset, last, cpa, world)
+    manoeuvre = manoeuvre.masked_fill(~has_onset, -1)
+    reaction = round(REACTION / world.dt)
+    end = torch.where(manoeuvre < 0, cpa, torch.maximum(cpa, manoeuvre + reaction))
+    during = (time >= onset[:, None]) & (time <= torch.minimum(end, last)[:, None])
+    turn = at(turns, (turns.abs() * during).argmax(1))
+    turned = ramp(turn.abs(), TURN)
+    apparent = (turned + ramp((changes * during).amax(1), SPEED_CHANGE)) / 2
+    entry = at(motion.distance, onset).clamp(max=STAGE3)
+    begun = at(motion.distance, manoeuvre.clamp(min=0))
+    timely = 1 - ((entry - begun) / entry).clamp(min=0.0).masked_fill(manoeuvre < 0, 1.0)
+
+    rule8 = apparent * timely
+    rule16 = safety * rule8
+    sin_bearing, sin_aspect, aspect = bearing.sin(), aspect.sin(), torch.rad2deg(aspect)
+    no_starboard = 1 - ramp((turns * during).amax(1), STARBOARD, power=1)
+    not_port_to_port = 1 - ((sin_aspect - 1) / 2).square() * ((sin_bearing - 1) / 2).square()
+    rule14 = (1 - 0.4 * no_starboard - 0.6 * not_port_to_port) * turned * timely * (safety > 0)
+    rule13 = rule16 - 0.3 * (aspect.abs() < 45)
+    rule15 = rule16 - 0.5 * ((aspect > -25) & (aspect < 165))
+    rule17 = safety * (1 - _stand_on_penalty(motion, heading, turns, changes, during))
+    head_on, crosses, overtakes = (
+        kind == one for one in (Encounter.HEAD_ON, Encounter.GIVE_WAY, Encounter.OVERTAKING)
+    )
+    stands_on = (kind == Encounter.STAND_ON) | (kind == Encounter.OVERTAKEN)
+    gives_way = crosses | overtakes
+    applies = (head_on | gives_way, overtakes, head_on, crosses, gives_way, stands_on)
+    scores = torch.stack((rule8, rule13, rule14, rule15, rule16, rule17), -1).clamp(min=0.0)
+    return Scores(
+        kind,
+        begins,
+        manoeuvre,
+        turn * has_onset,
+        safety.masked_fill(~has_onset, math.nan),
+        scores.masked_fill(~torch.stack(applies, -1), math.nan),
+    )
+
+
+def closest_pass(states: Tensor, begin: Tensor, last: Tensor) -> tuple[Tensor, Tensor, Tensor, Tensor]:
+    """Return the closest approach to each target ship between two states, within steps too.
+
+    Shapes: states [N, T + 1, S]; indices `begin` [N, K] and `last` [N, 1], int64.
+
+    Returns:
+        The step within which it happens, the distance (m, infinite where there is no ship), and bearing and
+        aspect (rad) as in `sim.encounter.Motion`, [N, K] each.
+    """
+    away, step = relative_positions(states), torch.arange(states.shape[1] - 1)[:, None]
+    points = nearest_points(away[:, :-1], away[:, 1:])
+    outside = (step < begin[:, None]) | (step >= last[:, None]) | ~is_present(states[:, :-1])
+    distance = torch.linalg.vector_norm(points, dim=-1).masked_fill(outside, math.inf)
+    nearest = distance.argmin(1)
+    point = torch.stack([at(part, nearest) for part in points.unbind(-1)], -1)
+    # Ships turn at the start of a step, and then move.
+    own = at(states[:, 1:, HEADING, None].expand_as(distance), nearest)
+    other, origin = at(target_ships(states)[:, 1:, :, SHIP_HEADING], nearest), torch.zeros_like(point)
+    bearing, aspect = -angle_off_bow(origin, own, point), -angle_off_bow(point, other, origin)
+    return nearest, at(distance, nearest), bearing, aspect
+
+
+def safety_score(distance: Tensor, bearing: Tensor, aspect: Tensor, safe: float) -> Tensor:
+    """Return the safety of passes (2): by range (3), and by pose at CPA (4 to 6); all are [...].
+
+    The range score rises from 0 at the collision radius to 0.5, 0.8 and 1 at those of a near miss, the
+    minimum and the preferred range.
+
+    Args:
+        distance: least distance (m).
+        bearing: of the target ship from own ship at CPA (rad).
+        aspect: bearing of own ship from the target ship at CPA (rad).
+        safe: the world's safe distance (m), to which the source's radii are scaled.
+    """
+    radii = safe, *(radius * safe / COLLISION for radius in (50.0, 100.0, 200.0))
+    ranged = torch.zeros_like(distance)
+    for low, high, gain in zip(radii[:-1], radii[1:], (0.5, 0.3, 0.2), strict=True):
+        ranged += gain * ((distance - low) / (high - low)).clamp(0.0, 1.0)
+    pose = 0.25 * (1 - aspect.cos()).clamp(max=1.0) + 0.75 * (1 - bearing.cos()).clamp(max=1.0)
+    return (ranged + (1 - ranged) * pose) * (distance >= safe)
+
+
+def ramp(value: Tensor, bounds: tuple[float, float], power: int = 2) -> Tensor:
+    """Return 0 below the first bound and 1 above the second, and the power of the share between."""
+    low, high = bounds
+    return ((value - low) / (high - low)).clamp(0.0, 1.0) ** power
+
+
+def first(flags: Tensor) -> Tensor:
+    """Return the time of the first true flag, int64 [N, K], or -1, for flags [N, T, K]."""
+    return flags.to(torch.int8).argmax(1).masked_fill(~flags.any(1), -1)
+
+
+def at(values: Tensor, time: Tensor) -> Tensor:
+    """Return values [N, T, K] at times int64 [N, K]."""
+    return values.gather(1, time[:, None])[:, 0]
+
+
+def _manoeuvre(
+    turns: Tensor,
+    speed: Tensor,
+    changes: Tensor,
+    onset: Tensor,
+    last: Tensor,
+    cpa: Tensor,
+    world: World,
+) -> Tensor:
+    """Return the step at which the manoeuvre is chosen, int64 [N, K]; -1 without one.
+
+    Args:
+        turns: changes of course since the onset, in degrees [N, T, K].
+        speed: own ship's, in m/s, likewise.
+        changes: of speed since the onset, as shares, likewise.
+        onset: step of the onset, int64 [N, K].
+        last: step of the last state, int64 [N, 1].
+        cpa: step of the closest approach, int64 [N, K].
+        world: length of a step.
+    """
+    time = torch.arange(turns.shape[1])[:, None]
+    hold, reaction = (round(seconds / world.dt) for seconds in (HOLD, REACTION))
+    before = torch.maximum(time - hold, onset[:, None])
+    turned = (turns - turns.gather(1, before)).abs()
+    sped = (speed / speed.gather(1, before).clamp(min=1e-6) - 1).abs()
+    is_held = (turned <= TURN[0]) & (sped < SPEED_CHANGE[1])
+    begin = torch.where(is_held, time, 0).cummax(1).values
+    end = torch.maximum(cpa[:, None], begin + reaction)
+    counts = ~is_held & (begin >= onset[:, None]) & (begin <= cpa[:, None])
+    counts &= time <= torch.minimum(end, last[:, None])
+    size = turns.abs().clamp(max=TURN[1]) + ramp(changes, SPEED_CHANGE)
+    return at(begin, (size * counts).argmax(1)).masked_fill(~counts.any(1), -1)
+
+
+def _stand_on_penalty(
+    motion: Motion, heading: Tensor, turns: Tensor, changes: Tensor, during: Tensor
+) -> Tensor:
+    """Return Rule 17's penalties, from 0 to 1, [N, K]."""
+    is_near = (((motion.distance <= STAGE4) & during).cumsum(1) > 0) & during
+    is_far = during & ~is_near
+    # Port turns that begin while the ship is to port, net of starboard ones.
+    turns_to_ship = (is_near & (motion.bearing < 0))[:, :-1] & during[:, 1:]
+    port = torch.rad2deg(wrap_angle(heading.diff(dim=1))) * turns_to_ship
+    penalties = (
+        ramp((turns.abs() * is_far).amax(1), TURN),
+        ramp((changes * is_far).amax(1), SPEED_CHANGE),
+        ramp(port.cumsum(1).amax(1), TURN),
+    )
+    return torch.stack(penalties).amax(0)

@@ -1,10 +1,12 @@
-"""Load a policy of any kind by name.
+"""Load a policy of any kind by name, and roll it out on a suite.
 
 A policy reads the environment's tensordict (`state` and `pixels`) and writes `action`.
 """
 
 from __future__ import annotations
 
+import statistics
+import time
 from functools import partial
 from pathlib import Path
 from pkgutil import resolve_name
@@ -17,13 +19,19 @@ from torch import Generator, Tensor, nn
 
 from ship_trl.config.errors import ConfigError
 from ship_trl.config.imports import import_function, name_in_errors
+from ship_trl.config.types import World
+from ship_trl.fast.worlds import make_env, make_starts
 from ship_trl.learn.network import DuelingNetwork, make_network
-from ship_trl.learn.rollout import Policy, greedy_policy
+from ship_trl.learn.rollout import Episode, Policy, greedy_policy, rollout
 from ship_trl.policies.pretrained import find
-from ship_trl.policies.registry import POLICIES, Kind, kind_of
+from ship_trl.policies.registry import EPISODES, POLICIES, Entry, Kind, kind_of
+from ship_trl.sim.cases import Suite
 from ship_trl.sim.env import ShipEnv
 from ship_trl.sim.state import OWN_SIZE, SHIP_SIZE
 from ship_trl.transfer.weights import load_weights, read_look
+
+# Added to the seed of the starts, whose random numbers must not be those of a policy.
+STARTS_SEED = 1_000_003
 
 
 def load_policy(name: str, env: ShipEnv, seed: int = 0) -> Policy:
@@ -142,3 +150,74 @@ def describe(value: object) -> str:
     if hasattr(value, "dtype") and hasattr(value, "shape"):
         return f"{str(value.dtype).removeprefix('torch.')} {list(value.shape)}"
     return f"{value!r:.40}"
+
+
+def draw_starts(suite: Suite, world: World, count: int, seed: int) -> Tensor:
+    """Return states [count, S] at the start: of cases in turn, or of random encounters by seed."""
+    starts = make_starts(suite, world)
+    if suite.cases:
+        return starts.balanced(count, Generator().manual_seed(seed + STARTS_SEED))
+    return torch.cat([starts.sample(1, Generator().manual_seed(seed + k)) for k in range(count)])
+
+
+def failures_first(entries: list[Entry], seed: int = 0) -> list[Entry]:
+    """Return the entries, but first those of the first policy that miss the goal; single cases alone."""
+    first = entries[0].policy
+    if sum(entry.policy == first for entry in entries) == 1:
+        return entries
+    return sorted(
+        entries, key=lambda entry: entry.policy != first or rollout_entry(entry, 1, seed)[2][0].goal
+    )
+
+
+def rollout_entry(
+    entry: Entry, episodes: int | None = None, seed: int = 0
+) -> tuple[ShipEnv, Policy, list[Episode]]:
+    """Roll out episodes in one batch, the cases in turn; return the environment, the policy and the episodes.
+
+    `episodes` is their number, by default each case once, or `EPISODES` if the starts are perturbed; it is
+    rounded up so that each case has equally many. Where nothing is drawn, each case has one. The seed is of
+    the starts and of a policy that draws.
+
+    Raises:
+        ConfigError: there is no such policy, or its file is invalid.
+    """
+    suite = entry.suite
+    default = EPISODES if suite.is_drawn else 1
+    count = suite.whole_rounds((entry.draws and episodes) or default)
+    env, policy = make_policy(entry, draw_starts(suite, entry.world, count, seed), seed)
+    return env, policy, rollout(env, policy)
+
+
+def time_decision(entry: Entry, start: Tensor, seed: int = 0) -> float:
+    """Return the median time (ms) in which the policy decides in one episode from a state [S].
+
+    A network's time includes drawing its pixels.
+    """
+    env, policy = make_policy(entry, start[None], seed)
+    times: list[float] = []
+
+    def timed(step: TensorDictBase) -> TensorDictBase:
+        begin = time.perf_counter()
+        acted = policy(step)
+        times.append(time.perf_counter() - begin)
+        return acted
+
+    rollout(env, timed)
+    return 1000 * statistics.median(times)
+
+
+def make_policy(entry: Entry, starts: Tensor, seed: int) -> tuple[ShipEnv, Policy]:
+    """Return an entry's policy, and the environment whose rows begin with states [N, S].
+
+    Raises:
+        ConfigError: there is no such policy, or its file is invalid.
+    """
+    # Networks draw their own pixels, and policies without training read only the state.
+    kind, colour, vector_time = kind_of(entry.policy), entry.colour, 0.0
+    if kind is Kind.network:
+        look = read_look(Path(entry.policy), "policy")
+        colour, vector_time = look.colour, look.network.vector_time
+    seen: dict[str, Any] = {"colour": colour, "vector_time": vector_time, "from_pixels": kind is Kind.own}
+    env = make_env(entry.suite, entry.world, **seen, starts=starts)
+    return env, load_policy(entry.policy, env, seed)

@@ -1,4 +1,4 @@
-"""Convert a network to ONNX, and compare the model with it on an episode. No torch until it is called."""
+"""Convert a network to ONNX, and compare the model with it on an episode."""
 
 from __future__ import annotations
 
@@ -7,22 +7,24 @@ import json
 import logging
 import warnings
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
+
+import torch
+from tensordict import TensorDictBase
+from torch import Tensor, nn
 
 from ship_trl import __version__
 from ship_trl.config.errors import ConfigError
 from ship_trl.config.network import describe_network
 from ship_trl.config.types import Network
+from ship_trl.fast.worlds import make_env
 from ship_trl.files.disk import atomic_write
-from ship_trl.policies.entry import Entry, split_suites
-
-if TYPE_CHECKING:
-    from tensordict import TensorDictBase
-    from torch import Tensor
-
-    from ship_trl.learn.network import DuelingNetwork
-    from ship_trl.learn.rollout import Episode, Policy
-    from ship_trl.sim.env import ShipEnv
+from ship_trl.learn.network import DuelingNetwork
+from ship_trl.learn.rollout import Episode, Policy, rollout
+from ship_trl.policies.named import load_with_network
+from ship_trl.policies.registry import Entry, split_suites
+from ship_trl.sim.env import ShipEnv
+from ship_trl.transfer.weights import open_safetensors
 
 RUNTIME = "onnxruntime"
 OUTPUT = "action_value"
@@ -36,13 +38,9 @@ def export(entry: Entry, path: Path) -> str:
     Raises:
         ConfigError: the policy has no network, or the model's actions or Q-values differ from the network's.
     """
-    from ship_trl.fast.worlds import make_env
-    from ship_trl.learn.rollout import rollout
-    from ship_trl.policies.named import load_with_network
-
     # In a suite it is checked in the first scene.
     entry = split_suites([entry])[0]
-    env = make_env(entry.case, entry.world, colour=entry.colour)
+    env = make_env(entry.suite.case, entry.world, colour=entry.colour)
     policy, network = load_with_network(entry.policy, env)
     # The exporter would treat a batch size of one as constant.
     observation = env.observer(network.config, network.colour)(env.reset()["state"].expand(2, -1))
@@ -56,13 +54,11 @@ def export(entry: Entry, path: Path) -> str:
         checked = f"not checked: {RUNTIME} is not installed"
         if importlib.util.find_spec(RUNTIME) is not None:
             checked = compare(rollout(env, policy)[0], rollout(env, onnx_policy(draft, env, network))[0])
-    return f"{path}: case {entry.case.name}, {entry.label}; {shapes}\n{checked}"
+    return f"{path}: case {entry.suite.case.name}, {entry.label}; {shapes}\n{checked}"
 
 
 def trace(network: DuelingNetwork, observation: Tensor) -> Any:
     """Return the network as an ONNX program that accepts any batch size, from an example of two rows."""
-    import torch
-    from torch import nn
 
     class QValues(nn.Module):
         """The network without its backend, whose branches cannot be exported."""
@@ -91,10 +87,8 @@ def trace(network: DuelingNetwork, observation: Tensor) -> Any:
 
 def metadata_of(entry: Entry, network: Network) -> dict[str, str]:
     """Return the model's metadata: case, policy, actions, layers, and the run that trained its weights."""
-    from ship_trl.transfer.weights import open_safetensors
-
     found = {
-        "case": entry.case.name,
+        "case": entry.suite.case.name,
         "policy": entry.label,
         "actions": json.dumps(entry.world.actions),
         "actions_unit": "m/s, rad/s",
@@ -110,7 +104,6 @@ def metadata_of(entry: Entry, network: Network) -> dict[str, str]:
 def onnx_policy(path: Path, env: ShipEnv, network: DuelingNetwork) -> Policy:
     """Return the greedy policy of a network's model that onnxruntime runs."""
     import onnxruntime
-    import torch
 
     options = onnxruntime.SessionOptions()
     options.intra_op_num_threads = 1

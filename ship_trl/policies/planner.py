@@ -19,14 +19,13 @@ from torch import Tensor
 
 from ship_trl.config.types import World
 from ship_trl.sim.cases import Case
+from ship_trl.sim.encounter import ship_velocities
 from ship_trl.sim.geometry import angle_off_bow, unit_vector
 from ship_trl.sim.reward import MAX_SHIP_DISTANCE, POSITION_TOLERANCE, PaidStep, step_reward
 from ship_trl.sim.state import (
     HEADING,
     OWN_SIZE,
     SHIP_COUNT,
-    SHIP_HEADING,
-    SHIP_SPEED,
     SPEED,
     STEP,
     YAW_RATE,
@@ -37,7 +36,6 @@ from ship_trl.sim.state import (
     is_present,
     position,
     relative_positions,
-    target_ships,
 )
 from ship_trl.sim.transition import Transition, advance
 
@@ -117,7 +115,10 @@ def search(
         resolution: which plans count as similar, and how far they may be from `best`.
         best: best plan so far; its actions may be empty.
     """
-    best_positions = plan_positions(start, transition, best.actions)
+    state, best_positions = start[None], []
+    for one in best.actions:
+        state = transition(state, torch.tensor([one])).state
+        best_positions.append(position(state))
     state, total = start[None], torch.zeros(1, dtype=torch.float64)
     history = torch.zeros(1, 0, dtype=torch.int8)
     while len(state):
@@ -141,15 +142,6 @@ def search(
         state, total = after.state[rows], totals[rows]
         history = torch.cat((history[parent[rows]], action[rows, None].to(torch.int8)), dim=1)
     return best
-
-
-def plan_positions(start: Tensor, transition: Transition, actions: list[int]) -> Tensor:
-    """Return own ship's positions in metres after each of T actions, [T, 2]."""
-    state, positions = start[None], [torch.zeros(0, 2)]
-    for action in actions:
-        state = transition(state, torch.tensor([action])).state
-        positions.append(position(state))
-    return torch.cat(positions)
 
 
 def select(bound: Tensor, state: Tensor, transition: Transition, beam: int, resolution: Resolution) -> Tensor:
@@ -190,8 +182,7 @@ def passing_distance(state: Tensor, transition: Transition) -> Tensor:
     if not away.shape[1]:
         return torch.full_like(state[:, 0], max_distance)
     own_velocity = float(transition.actions[:, 0].max()) * unit_vector(state[:, HEADING])
-    ships = target_ships(state)
-    velocity = ships[..., SHIP_SPEED, None] * unit_vector(ships[..., SHIP_HEADING]) - own_velocity[:, None]
+    velocity = ship_velocities(state) - own_velocity[:, None]
     time = -(away * velocity).sum(-1) / (velocity * velocity).sum(-1).clamp(min=1e-6)
     distance = torch.linalg.vector_norm(away + time[..., None] * velocity, dim=-1)
     ahead = is_present(state) & (time > 0)
@@ -220,7 +211,10 @@ class ValueBound:
     def __init__(self, transition: Transition, start: Tensor) -> None:
         self.transition = transition
         self._has_ships = bool(start[SHIP_COUNT] > 0)
-        world, motions = transition.world, possible_motions(transition)
+        world, motions = transition.world, transition.actions
+        if transition.lags is not None:
+            # With lags own ship may have any of the speeds and rates of turn.
+            motions = torch.cartesian_prod(*(column.unique() for column in motions.unbind(-1)))
         count = len(motions)
         reach = float(transition.actions[:, 0].abs().max()) * world.dt
         self.row_spacing = reach / GRID_STEPS_PER_ACTION
@@ -290,11 +284,3 @@ class ValueBound:
         corners, weights = self._corners(goal_distance(state), off_bow)
         steps_left = max(0, self.transition.world.max_steps - int(state[0, STEP]))
         return (self.table[steps_left][corners] * weights).sum(-1)
-
-
-def possible_motions(transition: Transition) -> Tensor:
-    """Return mean speeds and rates of turn that own ship may have in a step, [M, 2]."""
-    if transition.lags is None:
-        return transition.actions
-    speeds, turns = transition.actions.unbind(-1)
-    return torch.cartesian_prod(speeds.unique(), turns.unique())

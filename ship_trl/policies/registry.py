@@ -1,14 +1,16 @@
-"""The policies that have a name, and what other words for a policy mean. No torch."""
+"""The policies that have a name, what other words for a policy mean, and a policy on a suite. No torch."""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from dataclasses import dataclass
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass, replace
 from enum import Enum
 from pathlib import Path
 
 from ship_trl.config.errors import ConfigError
+from ship_trl.config.types import World
 from ship_trl.policies.pretrained import PRETRAINED, is_pretrained
+from ship_trl.sim.cases import Suite, suite_of
 
 
 @dataclass(frozen=True)
@@ -36,6 +38,10 @@ POLICIES = {
 }
 ALLOWED = f"{', '.join(POLICIES)}, {PRETRAINED}, a safetensors file, or file.py:function"
 
+# Tables show one decimal: a return that differs by more than half of it is not the claimed one.
+SHOWN = 0.05
+# Episodes of an entry whose starts are perturbed, and random encounters that are shown one by one.
+EPISODES, EXAMPLES = 100, 8
 
 # What a word for a policy is: a name above, a bundled network, a network's file, or a user's function.
 Kind = Enum("Kind", ["named", "bundled", "network", "own"])
@@ -58,3 +64,43 @@ def kind_of(name: str, more: Sequence[str] = ()) -> Kind:
     if ":" not in name:
         raise ConfigError(f"policy: no {name}; allowed: {', '.join((*more, ALLOWED))}")
     return Kind.own
+
+
+@dataclass(frozen=True)
+class Entry:
+    """A policy by name on a suite; `claimed` is the return in its result or manifest."""
+
+    policy: str
+    label: str
+    suite: Suite
+    world: World
+    colour: bool
+    claimed: float | None = None
+
+    @property
+    def draws(self) -> bool:
+        """Whether two episodes of a case may differ: by their starts, or by a policy that draws."""
+        kind = kind_of(self.policy)
+        draws = POLICIES[self.policy].draws if kind is Kind.named else kind is Kind.own
+        return self.suite.is_drawn or draws
+
+
+def split_suites(entries: Iterable[Entry], seed: int = 0) -> list[Entry]:
+    """Return an entry for each case of each suite, or for the random encounters of the seeds from `seed` on.
+
+    Only a suite of one case claims a return.
+    """
+    found: list[Entry] = []
+    for entry in entries:
+        suite, cases = entry.suite, entry.suite.cases
+        if not cases:
+            # Imported here: most suites need no torch.
+            from ship_trl.policies.named import draw_starts
+            from ship_trl.sim.state import first_case
+
+            states = enumerate(draw_starts(suite, entry.world, EXAMPLES, seed), seed)
+            cases = tuple(replace(first_case(suite, state), name=f"{suite.name}_{k}") for k, state in states)
+        claimed = entry.claimed if len(cases) == 1 else None
+        alone = (suite_of(case, suite.perturbation) for case in cases)
+        found += [replace(entry, suite=one, claimed=claimed) for one in alone]
+    return found

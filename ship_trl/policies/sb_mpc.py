@@ -57,30 +57,30 @@ MARGIN, CLOSE, VIOLATION = 10.0, 100.0, 1000.0
 # Names of costs are the paper's.
 P, Q, K_COLL, KAPPA = 1.0, 4.0, 0.005, 10.0
 K_SPEED, K_COURSE, K_CHANGE_STARBOARD, K_CHANGE_PORT = 0.25, 6.0, 0.25, 0.35
-# Degrees.
-CROSSED, OVERTAKEN, HEAD_ON, AHEAD = 68.5, 68.5, 22.5, 15.0
+# Cosines of 68.5, 68.5, 22.5 and 15 degrees.
+CROSSED, OVERTAKEN, HEAD_ON, AHEAD = (math.cos(math.radians(angle)) for angle in (68.5, 68.5, 22.5, 15.0))
 
 
-def make_plans(world: World, steps: int, turns: int) -> tuple[Tensor, Tensor]:
-    """Return plans of held actions, int64 [P, steps], and their speed factors [P].
+def make_plans(world: World) -> tuple[Tensor, Tensor]:
+    """Return plans of held actions, int64 [P, STEPS], and their speed factors [P].
 
     The first plan goes straight, so it wins ties.
     """
     straight, actions = world.straight_action, world.actions
     fastest = actions[straight][0]
-    plans, factors = [[straight] * steps], [1.0]
+    plans, factors = [[straight] * STEPS], [1.0]
     turning = [index for index, (_, turn) in enumerate(actions) if turn]
     for action in turning:
-        for count in range(1, turns + 1):
-            plans.append([action] * count + [straight] * (steps - count))
+        for count in range(1, TURNS + 1):
+            plans.append([action] * count + [straight] * (STEPS - count))
             factors.append(1.0)
     for one in turning:
         for other in turning:
             if math.isclose(actions[one][1], -actions[other][1]):
-                for count in range(2, turns + 1, 2):
-                    plans.append([one, other] * (count // 2) + [straight] * (steps - count))
+                for count in range(2, TURNS + 1, 2):
+                    plans.append([one, other] * (count // 2) + [straight] * (STEPS - count))
                     slow = (actions[one][0] + actions[other][0]) / 2
-                    factors.append((count * slow / fastest + steps - count) / steps)
+                    factors.append((count * slow / fastest + STEPS - count) / STEPS)
     return torch.tensor(plans), torch.tensor(factors)
 
 
@@ -89,7 +89,7 @@ class SimulationBasedMPC:
 
     def __init__(self, env: ShipEnv, _: int = 0) -> None:
         world = self.world = env.world
-        plans, self.factors = (part.to(env.device) for part in make_plans(world, STEPS, TURNS))
+        plans, self.factors = (part.to(env.device) for part in make_plans(world))
         speed, turn = torch.tensor(world.actions, device=env.device)[plans].unbind(-1)
         turned = (turn * world.dt).cumsum(-1)
         way = ((speed * world.dt)[..., None] * unit_vector(turned)).cumsum(-2)
@@ -120,13 +120,9 @@ class SimulationBasedMPC:
 
     def hazards(self, state: Tensor) -> Tensor:
         """Return the greatest hazard along each plan, [N, P], for states [N, S]."""
-        world = self.world
-        angles = (math.cos(math.radians(angle)) for angle in (CROSSED, OVERTAKEN, HEAD_ON, AHEAD))
-        constants = (world.safe_distance + MARGIN, CLOSE, P, Q, K_COLL, VIOLATION, KAPPA, *angles)
-        hazard = np.zeros((len(state), len(self.first)))
-        write_hazards(
-            state.double().cpu().numpy(), self.tracks, world.dt, world.goal_distance, constants, hazard
-        )
+        world, hazard = self.world, np.zeros((len(state), len(self.first)))
+        rows, safe = state.double().cpu().numpy(), world.safe_distance + MARGIN
+        write_hazards(rows, self.tracks, world.dt, world.goal_distance, safe, hazard)
         return torch.from_numpy(hazard).to(state)
 
 
@@ -136,15 +132,14 @@ def write_hazards(
     tracks: Numbers,
     dt: float,
     goal_distance: float,
-    constants: tuple[float, ...],
+    safe: float,
     hazard: Numbers,
 ) -> None:
     """Write the greatest hazard along each plan into `hazard`, float64 [N, P].
 
-    Shapes: state float64 [N, S]; tracks float64 [P, T, 2] in own ship's frame (m). `constants` are as in
-    `SimulationBasedMPC.hazards`; its angles are cosines here.
+    Shapes: state float64 [N, S]; tracks float64 [P, T, 2] in own ship's frame (m). `safe` is the safe
+    distance with its margin (m).
     """
-    safe, close, p, q, k_coll, violation, kappa, crossed, overtaken, head_on, ahead = constants
     for n in range(hazard.shape[0]):
         row = state[n]
         cos, sin = math.cos(row[HEADING]), math.sin(row[HEADING])
@@ -167,18 +162,18 @@ def write_hazards(
                     moment = min(max(moment, 0.0), dt)
                     x, y = x + moment * vx, y + moment * vy
                     distance = math.hypot(x, y)
-                    if distance < close:
-                        risk = (safe / max(distance, 1.0)) ** q / ((t + 1) * dt) ** p
-                        worst = k_coll * speed2 * risk + violation * max(safe - distance, 0.0) / safe
+                    if distance < CLOSE:
+                        risk = (safe / max(distance, 1.0)) ** Q / ((t + 1) * dt) ** P
+                        worst = K_COLL * speed2 * risk + VIOLATION * max(safe - distance, 0.0) / safe
                         own_speed = math.hypot(own_vx, own_vy)
                         dot, speeds = own_vx * ship_vx + own_vy * ship_vy, own_speed * ship_speed
-                        is_ahead = own_vx * x + own_vy * y > ahead * own_speed * distance
-                        meets = is_ahead and dot < -head_on * speeds
-                        is_overtaken = ship_speed > own_speed and dot > overtaken * speeds
-                        crosses = dot < crossed * speeds and not is_overtaken
+                        is_ahead = own_vx * x + own_vy * y > AHEAD * own_speed * distance
+                        meets = is_ahead and dot < -HEAD_ON * speeds
+                        is_overtaken = ship_speed > own_speed and dot > OVERTAKEN * speeds
+                        crosses = dot < CROSSED * speeds and not is_overtaken
                         is_starboard = own_vx * y - own_vy * x < 0.0
                         if is_starboard and (meets or crosses):
-                            worst += kappa
+                            worst += KAPPA
                         hazard[n, plan] = max(hazard[n, plan], worst)
                     own_x, own_y = tracks[plan, t]
                     if math.hypot(goal_x - own_x, goal_y - own_y) <= goal_distance:

@@ -7,21 +7,21 @@ from torch import Tensor
 
 from ship_trl.config.types import World
 
+# Error of the course (rad) that is not steered against.
+DEADBAND = 0.05
+
 
 class Steering:
     """Chooses the action that brings own ship onto a course at a speed.
 
     An action that turns at a rate may leave an error of one such turn, so that two opposite actions in turn
     hold a course at the speed of turning: no action is both slow and straight. This rule is ours.
-
-    Attributes:
-        deadband: error of the course (rad) that is not steered against.
     """
 
-    def __init__(self, world: World, device: torch.device | str = "cpu", deadband: float = 0.05) -> None:
+    def __init__(self, world: World, device: torch.device | str = "cpu") -> None:
         actions = torch.tensor(world.actions, device=device)
         self.speed, self.turn = actions[:, 0], actions[:, 1] * world.dt
-        self.allowed = self.turn.abs().clamp(min=deadband)
+        self.allowed = self.turn.abs().clamp(min=DEADBAND)
 
     def __call__(self, error: Tensor, speed: Tensor) -> Tensor:
         """Return action indices, int64 [N].

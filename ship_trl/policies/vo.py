@@ -20,9 +20,8 @@ import torch
 from tensordict import TensorDictBase
 from torch import Tensor
 
-from ship_trl.policies.rules import Encounters, Onset
 from ship_trl.policies.steering import Steering
-from ship_trl.sim.encounter import Encounter, relative_motion, ship_velocities
+from ship_trl.sim.encounter import Encounter, Encounters, relative_motion, ship_velocities
 from ship_trl.sim.env import ShipEnv
 from ship_trl.sim.geometry import closest_approach, predicted_approach, unit_vector
 from ship_trl.sim.state import HEADING, goal_course, is_present
@@ -38,7 +37,6 @@ HEADING_RANGE, HEADING_STEP = 120.0, 2.5
 # Costs: of a velocity in a cone, plus `TIME` divided by the seconds to the collision; of leaving a ship on
 # the wrong side; and of each (m/s)^2 from the wanted velocity.
 CONE, TIME, RULE, WANTED = 1000.0, 100.0, 100.0, 0.1
-ONSET = Onset(dcpa=60.0, tcpa=30.0, clear=90.0)
 
 
 class VelocityObstacles:
@@ -46,7 +44,7 @@ class VelocityObstacles:
 
     def __init__(self, env: ShipEnv, _: int = 0) -> None:
         world = env.world
-        self.encounters = Encounters(ONSET)
+        self.encounters = Encounters(dcpa=60.0, tcpa=30.0, clear=90.0)
         self.steering = Steering(world, env.device)
         count = round(HEADING_RANGE / HEADING_STEP)
         offsets = torch.arange(-count, count + 1, device=env.device) * math.radians(HEADING_STEP)

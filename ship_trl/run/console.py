@@ -26,7 +26,7 @@ from rich.table import Column, Table
 from ship_trl.config.command import command
 from ship_trl.config.errors import escape, one_line
 from ship_trl.files.curve import Row
-from ship_trl.sim.suites import describe
+from ship_trl.sim.cases import describe
 
 if TYPE_CHECKING:
     from ship_trl.files.record import Evaluation, RunRecord

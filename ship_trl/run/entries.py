@@ -21,12 +21,11 @@ from ship_trl.config.errors import ConfigError, print_error
 from ship_trl.config.schema import read_as
 from ship_trl.config.types import Perturbation, World
 from ship_trl.files.record import RESULT
-from ship_trl.policies.entry import Entry
 from ship_trl.policies.pretrained import PRETRAINED, Pretrained, find, is_pretrained, networks
+from ship_trl.policies.registry import Entry
 from ship_trl.run.plan import read_settings
 from ship_trl.run.results import collect, locate
-from ship_trl.sim.cases import load_world
-from ship_trl.sim.suites import Suite, load_suite
+from ship_trl.sim.cases import Suite, load_suite, load_world
 from ship_trl.transfer.casebase import POLICY, POLICY_LAST
 
 

@@ -38,9 +38,8 @@ from ship_trl.run.process import (
 )
 from ship_trl.run.setup import Parts, Source, make_parts, read_source
 from ship_trl.run.trackers import Trackers
-from ship_trl.sim.cases import shadowing_file
+from ship_trl.sim.cases import describe, shadowing_file
 from ship_trl.sim.state import first_case
-from ship_trl.sim.suites import describe
 from ship_trl.transfer.casebase import PLANS, POLICY, POLICY_LAST, CaseBase, StoredNetwork
 from ship_trl.transfer.weights import save_weights
 from ship_trl.view.charts import draw_curve, draw_transfer

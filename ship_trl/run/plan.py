@@ -36,8 +36,7 @@ from ship_trl.files.untrusted import read_yaml
 from ship_trl.learn.settings import TEACHERS
 from ship_trl.policies.demonstrations import Demonstration, read_demonstrations
 from ship_trl.policies.pretrained import PRETRAINED, REWARD_SCALE, Pretrained, find, is_pretrained, networks
-from ship_trl.sim.cases import load_case, read_values
-from ship_trl.sim.suites import Suite, describe, load_suite
+from ship_trl.sim.cases import Suite, describe, load_case, load_suite, read_values
 from ship_trl.transfer.casebase import CONFIG, LOCKS, POLICY, POLICY_LAST, rank
 
 # Increase it with every change after which the same settings learn something else, so that results of an

@@ -19,8 +19,7 @@ from ship_trl.files.disk import atomic_write
 from ship_trl.files.record import RunRecord, read_run
 from ship_trl.policies.pretrained import CURVES, MANIFEST, CaseNetwork, SuiteNetwork, networks
 from ship_trl.run.plan import ALGORITHM_VERSION
-from ship_trl.sim.cases import load_case, load_world
-from ship_trl.sim.suites import Suite, load_suite, suite_of
+from ship_trl.sim.cases import Suite, load_case, load_suite, load_world, suite_of
 from ship_trl.transfer.casebase import POLICY
 
 if TYPE_CHECKING:

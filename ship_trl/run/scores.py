@@ -9,7 +9,7 @@ from functools import cached_property
 from typing import TYPE_CHECKING, Any
 
 from ship_trl.config.bounds import RULES
-from ship_trl.policies.entry import Entry, time_decision
+from ship_trl.policies.registry import Entry
 from ship_trl.run.plan import differences
 from ship_trl.sim.cases import load_world
 
@@ -52,6 +52,7 @@ class Scored:
     @cached_property
     def decision_time(self) -> float:
         """The median time (ms) of a decision in the first of the scenes with most target ships."""
+        from ship_trl.policies.named import time_decision
         from ship_trl.sim.state import SHIP_COUNT
 
         start = max((one.states[0] for one in self.episodes), key=lambda state: float(state[SHIP_COUNT]))

@@ -26,9 +26,9 @@ from ship_trl.policies.pretrained import PRETRAINED, REWARD_SCALE
 from ship_trl.run import console
 from ship_trl.run.history import History
 from ship_trl.run.plan import TEACHER, Run, TeacherFile, find_teacher
+from ship_trl.sim.cases import Suite
 from ship_trl.sim.env import ShipEnv
 from ship_trl.sim.state import mirrored_state
-from ship_trl.sim.suites import Suite
 from ship_trl.transfer.casebase import StoredNetwork
 from ship_trl.transfer.methods import make_method
 from ship_trl.transfer.methods.base import Origin, fixed_copy

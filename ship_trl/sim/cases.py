@@ -1,4 +1,9 @@
-"""Load cases, one YAML file each, and check them. No torch."""
+"""Load cases and suites, what episodes begin with, one YAML file each, and check them. No torch.
+
+A suite has cases, exact or perturbed, or draws random encounters; a case is a suite of one. A table of fixed
+scenes, with the planner's best plan of each, stands beside the suite that names it (`scenes:`), as
+conf/suite/traffic_test.csv. There own ship begins at the origin, heading north, with its goal 600 m ahead.
+"""
 
 from __future__ import annotations
 
@@ -6,12 +11,15 @@ import hashlib
 import json
 import math
 from collections.abc import Iterable
-from dataclasses import asdict, dataclass
+from contextlib import suppress
+from dataclasses import asdict, dataclass, field
 from enum import StrEnum
+from functools import cache, cached_property
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, NamedTuple
 
 from omegaconf import DictConfig, ListConfig, OmegaConf
+from omegaconf.errors import OmegaConfBaseException
 from pydantic import Field
 from yaml import YAMLError
 
@@ -19,17 +27,26 @@ from ship_trl.config.bounds import MAX_DISTANCE, Metres
 from ship_trl.config.errors import ConfigError, print_error
 from ship_trl.config.paths import conf_dir, is_name, list_names, stem
 from ship_trl.config.schema import read_as, rule
-from ship_trl.config.types import World
+from ship_trl.config.types import Perturbation, Traffic, World, plain
 from ship_trl.files.disk import read_file
+from ship_trl.files.table import Cells, read_table
 from ship_trl.files.untrusted import read_changes, read_yaml
 
 MAX_TARGET_SHIPS = 8
 # Within this bound float32 is accurate to a centimetre, or to a hundredth of a degree.
 Number = Annotated[float, Field(ge=-MAX_DISTANCE, le=MAX_DISTANCE)]
-SHIP_COUNT = rule(f"at most {MAX_TARGET_SHIPS} ships", lambda ships: len(ships) <= MAX_TARGET_SHIPS)
+FEW = rule(f"at most {MAX_TARGET_SHIPS} ships", lambda ships: len(ships) <= MAX_TARGET_SHIPS)
 Point = Annotated[list[Number], rule("two numbers, as [X,Y]", lambda point: len(point) == 2)]
-IdealPath = Annotated[str, rule("one line of plain text", str.isprintable)]
-
+UNPERTURBED = Perturbation()
+# Increase it with every change after which a seed of random encounters is another scene.
+SCENES_VERSION = 2
+MAX_TABLE_BYTES, MAX_SHIPS = 10_000_000, 3
+SHIP_COLUMNS = ("x", "y", "heading", "speed")
+TABLE_COLUMNS = (
+    *("name", "encounter"),
+    *(f"{column}{place}" for place in range(1, MAX_SHIPS + 1) for column in SHIP_COLUMNS),
+    *("best_return", "actions"),
+)
 
 # A target ship holds course and speed, or gives way to own ship by the rules (`world.give_way`).
 Behaviour = StrEnum("Behaviour", ["holds", "gives_way"])
@@ -69,13 +86,8 @@ class Direction:
 
 
 @dataclass
-class ShipFile(Direction):
+class ShipFile(Direction, TargetShip):
     """A target ship in a case's YAML file."""
-
-    x: Number
-    y: Number
-    speed: Annotated[float, Field(ge=0, le=MAX_DISTANCE)]
-    behaviour: Behaviour = Behaviour.holds
 
 
 @dataclass
@@ -84,21 +96,9 @@ class CaseFile(Direction):
 
     start: Point
     goal: Point
-    ideal_path: IdealPath
-    target_ships: Annotated[list[ShipFile], SHIP_COUNT]
+    ideal_path: Annotated[str, rule("one line of plain text", str.isprintable)]
+    target_ships: Annotated[list[ShipFile], FEW]
     unit: Metres = 1.0
-
-    def to_case(self, name: str, unit: float, where: str) -> Case:
-        """Return the case of this name with its coordinates in metres; `where` begins messages."""
-        ships = [
-            TargetShip(
-                *(unit * ship.x, unit * ship.y, ship.to_heading(f"{where}target_ships[{n}].")),
-                *(ship.speed, ship.behaviour),
-            )
-            for n, ship in enumerate(self.target_ships)
-        ]
-        start, goal = ([unit * number for number in point] for point in (self.start, self.goal))
-        return Case(start, self.to_heading(where), goal, self.ideal_path, ships, name)
 
 
 @dataclass
@@ -127,6 +127,80 @@ class Case:
         return hashlib.sha256(json.dumps(values, sort_keys=True).encode()).hexdigest()[:12]
 
 
+@dataclass
+class SuiteFile:
+    """What a suite's YAML file holds: names or paths of cases, or a distribution of scenes.
+
+    A `unit` (metres) replaces that of the cases. `scenes` names a table of cases beside the file.
+    `profile` is that of its runs, unless `profile=` is given. What the file leaves out is taken from the
+    suite that it is `based_on`.
+    """
+
+    cases: list[str] = field(default_factory=list)
+    scenes: str = ""
+    perturbation: Perturbation = UNPERTURBED
+    unit: Metres | None = None
+    traffic: Traffic | None = None
+    profile: str = ""
+    based_on: str = ""
+
+
+@dataclass(frozen=True)
+class Suite:
+    """What episodes begin with: one of the cases at random, perturbed, or a random encounter.
+
+    With `traffic` there are no cases: every episode begins with a scene of its own.
+    """
+
+    name: str
+    cases: tuple[Case, ...]
+    perturbation: Perturbation = UNPERTURBED
+    traffic: Traffic | None = None
+
+    @property
+    def is_drawn(self) -> bool:
+        """Whether two episodes of a case may begin differently."""
+        return self.traffic is not None or not self.perturbation.is_none
+
+    @cached_property
+    def is_fixed(self) -> bool:
+        """Whether all episodes begin alike."""
+        return len(self.cases) == 1 and not self.is_drawn
+
+    @cached_property
+    def fingerprint(self) -> str:
+        """Return a digest of what is drawn, twelve hex digits; of a fixed suite, its case's."""
+        cases = [case.fingerprint for case in self.cases]
+        if self.is_fixed:
+            return cases[0]
+        bounds = {name: float(bound) for name, bound in asdict(self.perturbation).items()}
+        drawn = [] if self.traffic is None else [plain(self.traffic), SCENES_VERSION]
+        values = json.dumps([cases, bounds, *drawn], sort_keys=True)
+        return hashlib.sha256(values.encode()).hexdigest()[:12]
+
+    @property
+    def case(self) -> Case:
+        """The case of a suite of one, perturbed or not.
+
+        Raises:
+            ConfigError: the suite has several cases or none.
+        """
+        if len(self.cases) != 1:
+            has = "several cases" if self.cases else "no cases"
+            raise ConfigError(f"suite {self.name}: has {has}; allowed here: one case")
+        return self.cases[0]
+
+    def whole_rounds(self, episodes: int) -> int:
+        """Return the least number of episodes, at least `episodes`, that has each case equally often."""
+        count = max(1, len(self.cases))
+        return count * math.ceil(episodes / count)
+
+
+def suite_of(case: Case, perturbation: Perturbation = UNPERTURBED) -> Suite:
+    """Return the suite of one case."""
+    return Suite(case.name, (case,), perturbation)
+
+
 def to_heading(course: float) -> float:
     """Return the heading, from -90 to 270 degrees counter-clockwise from east, of a course."""
     heading = 90.0 - course
@@ -138,76 +212,46 @@ def to_course(heading: float) -> float:
     return (90.0 - heading) % 360.0
 
 
-def load_world(name: str = "paper", changes: Iterable[str] = ()) -> World:
-    """Read the shared physics of conf/world, for use without Hydra, with changes such as "turn_time=4"."""
-    values = read_yaml(conf_dir() / "world" / f"{name}.yaml")
+def load_world(changes: Iterable[str] = ()) -> World:
+    """Read the shared physics, conf/world/paper.yaml, without Hydra, with changes such as "turn_time=4"."""
+    values = read_yaml(conf_dir() / "world/paper.yaml")
     return read_as(World, OmegaConf.merge(values, read_changes(changes)), key="world")
 
 
-def case_folders() -> list[Path]:
-    """Return the folders to search for cases: the working directory's conf/case, then the bundled ones."""
-    return [Path("conf/case"), conf_dir() / "case"]
-
-
-def case_names() -> list[str]:
-    """Return the sorted names of all cases."""
-    return sorted({stem(path) for folder in case_folders() for path in folder.glob("*.yaml")})
+def conf_files(kind: str) -> dict[str, Path]:
+    """Return the files of all cases or suites (`kind`) by name: the working directory's, else the bundled."""
+    folders = conf_dir() / kind, Path("conf") / kind
+    return {stem(path): path for folder in folders for path in sorted(folder.glob("*.yaml"))}
 
 
 def shadowing_file(kind: str, name: str) -> Path | None:
     """Return the working directory's file if it hides another bundled case or suite (`kind`) of this name."""
-    own, bundled = (folder / kind / f"{name}.yaml" for folder in (Path("conf"), conf_dir()))
-    both = is_file(own) and is_file(bundled)
-    return own if both and read_file(own) != read_file(bundled) else None
-
-
-def load_case(name: str, world: World, key: str = "case", unit: float | None = None) -> Case:
-    """Read a case by name, or by the path of a YAML file, and check that it fits the world.
-
-    `unit` (metres) replaces that of the file.
-
-    Raises:
-        ConfigError: there is no such case, a field is missing, unknown or invalid, or see `check_case`.
-    """
-    path = find_case(name)
-    if path is None:
-        allowed = f"{list_names(case_names())}, or a path to a YAML file"
-        raise ConfigError(f"{key}: no case {name}; allowed: {allowed}")
-    if not is_name(stem(path)):
-        # Results are written to a folder of this name.
-        raise ConfigError(f"{key}: {path!s:.200}: its name cannot name a folder; allowed: rename the file")
-    found = read_as(CaseFile, read_values(path), f"{path}: ")
-    case = found.to_case(stem(path), unit or found.unit, f"{path}: ")
-    check_case(case, world, str(path))
-    return case
-
-
-def readable_cases(world: World) -> list[Case]:
-    """Return the cases of all names; an error is printed for a file that is invalid."""
-    cases = []
-    for name in case_names():
-        try:
-            cases.append(load_case(name, world))
-        except ConfigError as error:
-            print_error(f"left out: {error}")
-    return cases
+    own, bundled = conf_files(kind).get(name), conf_dir() / kind / f"{name}.yaml"
+    hides = own is not None and bundled.is_file() and read_file(own) != read_file(bundled)
+    return own if hides else None
 
 
 def find_case(name: str) -> Path | None:
     """Return the file of a case, by name or path, or None where there is none."""
-    if name.endswith((".yaml", ".yml")):
-        paths = [Path(name)]
-    else:
-        paths = [folder / f"{name}.yaml" for folder in case_folders()]
-    return next(filter(is_file, paths), None)
+    path = Path(name) if name.endswith((".yaml", ".yml")) else conf_files("case").get(name)
+    with suppress(OSError):  # of a path that the system refuses
+        return path if path is not None and path.is_file() else None
+    return None
 
 
-def is_file(path: Path) -> bool:
-    """Return whether a path is a file; False for a path that the system refuses."""
-    try:
-        return path.is_file()
-    except OSError:
-        return False
+def is_suite(name: str) -> bool:
+    """Return whether a name is that of a suite and not of a case."""
+    return name in conf_files("suite") and find_case(name) is None
+
+
+def describe(name: str) -> str:
+    """Return the name of a case or suite with its kind, such as `case 4`."""
+    return f"{'suite' if is_suite(name) else 'case'} {name}"
+
+
+def profile_of(name: str) -> str:
+    """Return the profile that a suite asks for, empty if none or if `name` is no suite."""
+    return read_suite(conf_files("suite")[name]).profile if is_suite(name) else ""
 
 
 def read_values(path: Path) -> DictConfig | ListConfig:
@@ -220,6 +264,45 @@ def read_values(path: Path) -> DictConfig | ListConfig:
         return read_yaml(path)
     except (YAMLError, OSError) as error:
         raise ConfigError(f"{path}: not readable as YAML: {' '.join(str(error).split())}") from None
+
+
+def load_case(name: str, world: World, key: str = "case", unit: float | None = None) -> Case:
+    """Read a case by name, or by the path of a YAML file, and check that it fits the world.
+
+    `unit` (metres) replaces that of the file.
+
+    Raises:
+        ConfigError: there is no such case, a field is missing, unknown or invalid, or see `check_case`.
+    """
+    path = find_case(name)
+    if path is None:
+        allowed = f"{list_names(conf_files('case'))}, or a path to a YAML file"
+        raise ConfigError(f"{key}: no case {name}; allowed: {allowed}")
+    if not is_name(stem(path)):
+        # Results are written to a folder of this name.
+        raise ConfigError(f"{key}: {path!s:.200}: its name cannot name a folder; allowed: rename the file")
+    where = f"{path}: "
+    found = read_as(CaseFile, read_values(path), where)
+    unit = unit or found.unit
+    ships = []
+    for n, ship in enumerate(found.target_ships):
+        place, heading = (unit * ship.x, unit * ship.y), ship.to_heading(f"{where}target_ships[{n}].")
+        ships.append(TargetShip(*place, heading, ship.speed, ship.behaviour))
+    start, goal = ([unit * number for number in point] for point in (found.start, found.goal))
+    case = Case(start, found.to_heading(where), goal, found.ideal_path, ships, stem(path))
+    check_case(case, world, str(path))
+    return case
+
+
+def readable_cases(world: World) -> list[Case]:
+    """Return the cases of all names; an error is printed for a file that is invalid."""
+    cases = []
+    for name in sorted(conf_files("case")):
+        try:
+            cases.append(load_case(name, world))
+        except ConfigError as error:
+            print_error(f"left out: {error}")
+    return cases
 
 
 def check_case(case: Case, world: World, where: str) -> None:
@@ -241,9 +324,8 @@ def check_case(case: Case, world: World, where: str) -> None:
     reach = fastest * world.dt * world.max_steps
     if to_goal > reach and not math.isclose(to_goal, reach):
         raise ConfigError(
-            f"{where}: goal: cannot be reached: {to_goal:.0f} m to go, but "
-            f"{world.max_steps} steps (world.max_steps) of {world.dt:g} s at up to {fastest:g} m/s "
-            f"cover only {reach:.0f} m"
+            f"{where}: goal: cannot be reached: {to_goal:.0f} m to go, but {world.max_steps} steps "
+            f"(world.max_steps) of {world.dt:g} s at up to {fastest:g} m/s cover only {reach:.0f} m"
         )
     for index, ship in enumerate(case.target_ships):
         distance = math.dist(case.start, (ship.x, ship.y))
@@ -252,3 +334,88 @@ def check_case(case: Case, world: World, where: str) -> None:
                 f"{where}: target_ships[{index}]: must start at least the safe distance of "
                 f"{world.safe_distance:g} m from own ship, got {distance:.1f} m"
             )
+
+
+def read_suite(path: Path) -> SuiteFile:
+    """Read a suite's file; it may be based on a suite beside it, or on a bundled one.
+
+    Raises:
+        ConfigError: it is not readable as YAML, or has a wrong key or value.
+    """
+    values = read_values(path)
+    if isinstance(values, DictConfig) and "based_on" in values:
+        name = str(values.based_on)
+        files = [folder / f"{name}.yaml" for folder in (path.parent, conf_dir() / "suite")]
+        base = next((file for file in files if is_name(name) and file.is_file() and file != path), None)
+        base_values = read_values(base) if base is not None else None
+        if base is None or not isinstance(base_values, DictConfig) or "based_on" in base_values:
+            allowed = f"one of {', '.join(sorted(conf_files('suite')))} that is based on no other"
+            raise ConfigError(f"{path}: based_on: got {name}; allowed: {allowed}")
+        if base_values.get("scenes"):
+            base_values.scenes = str(base.parent.absolute() / str(base_values.scenes))
+        try:
+            values = OmegaConf.merge(base_values, values)
+        except OmegaConfBaseException:
+            raise ConfigError(f"{path}: based_on: {base} has other kinds of values") from None
+    return read_as(SuiteFile, values, f"{path}: ")
+
+
+def load_suite(
+    name: str, world: World, key: str = "suite", perturbation: Perturbation = UNPERTURBED
+) -> Suite:
+    """Read a suite by its name in conf/suite, or a case as a suite of one.
+
+    Bounds of `perturbation` above zero replace those of the suite.
+
+    Raises:
+        ConfigError: no such suite or case, or one of its cases is invalid.
+    """
+    if not is_suite(name):
+        if find_case(name) is None:
+            known = f"{list_names(conf_files('case'))}, suite {', '.join(sorted(conf_files('suite')))}"
+            raise ConfigError(f"{key}: no case or suite {name}; allowed: {known}, or a path to a YAML file")
+        return suite_of(load_case(name, world, key), perturbation)
+    path = conf_files("suite")[name]
+    values = read_suite(path)
+    cases = [load_case(case, world, f"{path}: cases", values.unit) for case in values.cases]
+    if values.scenes:
+        table = path.parent / values.scenes
+        for scene in read_scenes(table):
+            check_case(scene.case, world, f"{table}: row {scene.case.name}")
+            cases.append(scene.case)
+    if bool(cases) == (values.traffic is not None):
+        raise ConfigError(f"{path}: allowed: either cases or scenes, or traffic")
+    given = {bound: value for bound, value in asdict(perturbation).items() if value > 0}
+    bounds = Perturbation(**asdict(values.perturbation) | given)
+    if values.traffic is not None and not bounds.is_none:
+        raise ConfigError(f"perturbation: suite {name} draws its scenes; allowed: a suite of cases")
+    return Suite(name, tuple(cases), bounds, values.traffic)
+
+
+class Scene(NamedTuple):
+    """A case, and its best known plan: undiscounted raw return and action indices."""
+
+    case: Case
+    best_return: float
+    actions: list[int]
+
+
+@cache
+def read_scenes(path: Path) -> tuple[Scene, ...]:
+    """Read a table of scenes.
+
+    Raises:
+        ConfigError: the file is missing, or is no such table.
+    """
+    return tuple(read_table(path, TABLE_COLUMNS, _to_scene, MAX_TABLE_BYTES, "suite", "a table of scenes"))
+
+
+def _to_scene(cells: Cells) -> Scene:
+    where, ships = f"row {cells['name']}: ", []
+    for place in range(1, MAX_SHIPS + 1):
+        values = {column: cells[f"{column}{place}"] for column in SHIP_COLUMNS}
+        if any(values.values()):
+            ships.append(read_as(TargetShip, values, f"{where}ship {place}: "))
+    case = Case([0.0, 0.0], 90.0, [0.0, 600.0], cells["encounter"], ships, cells["name"])
+    best_return = read_as(float, cells["best_return"], where, key="best_return")
+    return Scene(case, best_return, [int(digit) for digit in cells["actions"]])

@@ -22,6 +22,7 @@ from ship_trl.sim.state import (
     SHIP_HEADING,
     SHIP_SPEED,
     SPEED,
+    STEP,
     is_present,
     position,
     relative_positions,
@@ -161,3 +162,29 @@ def classify(bearing: Any, aspect: Any, head_on: float = HEAD_ON) -> Any:
         + Encounter.OVERTAKING * overtakes(bearing, aspect)
         + Encounter.OVERTAKEN * overtakes(aspect, bearing)
     )
+
+
+class Encounters:
+    """Remembers the encounter class of every place, for rows whose episodes begin at different times.
+
+    An encounter begins when DCPA is below `dcpa` (m) and TCPA between 0 and `tcpa` (s). It ends when the
+    ships move apart and are `clear` (m) away from each other. Between the two its class stays (Rule 13(d)).
+    `head_on` is the half-angle of the head-on sector, in degrees.
+    """
+
+    def __init__(self, dcpa: float, tcpa: float, clear: float, head_on: float = HEAD_ON_DEGREES) -> None:
+        self.dcpa, self.tcpa, self.clear, self.head_on = dcpa, tcpa, clear, math.radians(head_on)
+        self.classes = torch.empty(0, 0, dtype=torch.int64)
+
+    def update(self, state: Tensor, motion: Motion) -> Tensor:
+        """Return the classes now, int64 [N, K], for states [N, S]; step 0 begins a new episode."""
+        classes = self.classes
+        if classes.shape != motion.distance.shape:
+            classes = torch.full_like(motion.distance, Encounter.NONE, dtype=torch.int64)
+        is_over = (motion.tcpa < 0) & (motion.distance > self.clear)
+        classes = classes.masked_fill(is_over | (state[:, STEP, None] == 0), Encounter.NONE)
+        begins = (classes == Encounter.NONE) & (motion.dcpa < self.dcpa)
+        begins &= (motion.tcpa >= 0) & (motion.tcpa <= self.tcpa)
+        found = classify(motion.bearing, motion.aspect, self.head_on)
+        self.classes = torch.where(begins, found, classes)
+        return self.classes

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass
 from functools import partial
 from typing import Any
 
@@ -15,11 +14,9 @@ from torchrl.data import Binary, Categorical, Composite, Unbounded
 from torchrl.envs import EnvBase
 
 from ship_trl.config.types import Margin, Network, World
-from ship_trl.sim.cases import Case
+from ship_trl.sim.cases import Case, Suite, suite_of
 from ship_trl.sim.render import Drawing, Rasteriser
-from ship_trl.sim.starts import make_starts
-from ship_trl.sim.suites import Suite, suite_of
-from ship_trl.sim.traffic import draw_scenes
+from ship_trl.sim.starts import draw_scenes, make_starts
 from ship_trl.sim.transition import Step, Transition
 from ship_trl.sim.vector import VectorObservation
 
@@ -27,30 +24,23 @@ from ship_trl.sim.vector import VectorObservation
 FLAGS = ("goal", "collision", "done", "terminated", "truncated")
 
 
-def step_in_torch(transition: Transition) -> Step:
-    """Return a transition itself, which steps in torch."""
-    return transition
-
-
-def draw_in_torch(rasteriser: Rasteriser) -> Drawing:
-    """Return what draws in torch."""
-    return rasteriser.reference
-
-
-@dataclass(frozen=True)
 class Engine:
-    """Makes what computes a world. `ship_trl.fast` has a faster one, which may round differently.
+    """Makes what computes a world, here in torch and Python.
 
-    Attributes:
-        step: makes the step of a transition.
-        drawing: makes the drawing of a rasteriser.
-        scenes: draws random encounters, see `traffic.draw_scenes`.
+    `ship_trl.fast` has a faster one, which may round differently.
     """
 
-    # Functions with a name: an environment can be pickled.
-    step: Callable[[Transition], Step] = step_in_torch
-    drawing: Callable[[Rasteriser], Drawing] = draw_in_torch
-    scenes: Callable[..., bool] = draw_scenes
+    def step(self, transition: Transition) -> Step:
+        """Make the step of a transition."""
+        return transition
+
+    def drawing(self, rasteriser: Rasteriser) -> Drawing:
+        """Make the drawing of a rasteriser."""
+        return rasteriser.reference
+
+    def scenes(self, *arguments: Any) -> bool:
+        """Draw random encounters, see `starts.draw_scenes`."""
+        return draw_scenes(*arguments)
 
 
 class ShipEnv(EnvBase):
@@ -198,14 +188,15 @@ class ShipEnv(EnvBase):
         after = self._simulate(tensordict["state"], tensordict["action"])
         terminated = (after.goal | after.collision).unsqueeze(-1)
         truncated = after.truncated.unsqueeze(-1)
-        dcpa = torch.minimum(tensordict["dcpa"], after.min_distance.unsqueeze(-1))
-        reward = after.reward.unsqueeze(-1)
+        distance, reward = after.min_distance.unsqueeze(-1), after.reward.unsqueeze(-1)
         if self.margin.penalty:
-            reward = reward - self._near_penalty(after.min_distance.unsqueeze(-1))
+            width = max(self.margin.distance - self.world.safe_distance, 1e-6)
+            near = ((self.margin.distance - distance) / width).clamp(0.0, 1.0)
+            reward = reward - self.margin.penalty * near
         return TensorDict(
             self._observe(after.state)
             | {
-                "dcpa": dcpa,
+                "dcpa": torch.minimum(tensordict["dcpa"], distance),
                 "goal": after.goal.unsqueeze(-1),
                 "collision": after.collision.unsqueeze(-1),
                 "reward": reward,
@@ -216,11 +207,6 @@ class ShipEnv(EnvBase):
             batch_size=self.batch_size,
             device=self.device,
         )
-
-    def _near_penalty(self, distance: Tensor) -> Tensor:
-        """Return what steps cost whose least distance (m) to a target ship is `distance`, see `Margin`."""
-        width = max(self.margin.distance - self.world.safe_distance, 1e-6)
-        return self.margin.penalty * ((self.margin.distance - distance) / width).clamp(0.0, 1.0)
 
     def step_and_maybe_reset(self, tensordict: TensorDictBase) -> tuple[TensorDictBase, TensorDictBase]:
         """Take a step, then reset the rows whose episode has ended.

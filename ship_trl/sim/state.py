@@ -14,8 +14,7 @@ import torch
 from torch import Tensor
 
 from ship_trl.config.types import World
-from ship_trl.sim.cases import BEHAVIOURS, HOLDS_COURSE, Behaviour, Case, TargetShip
-from ship_trl.sim.suites import Suite
+from ship_trl.sim.cases import BEHAVIOURS, HOLDS_COURSE, Behaviour, Case, Suite, TargetShip
 
 X, Y, HEADING, SPEED, YAW_RATE, GOAL_X, GOAL_Y, STEP, SHIP_COUNT = range(9)
 OWN_SIZE = 9

@@ -154,27 +154,19 @@ class Transition:
         collision = nearest < world.safe_distance
         # A collision takes precedence over reaching the goal in the same step.
         reached = (distance <= world.goal_distance + POSITION_TOLERANCE) & ~collision
-        paid = self._paid_step(action, after, distance, reached, collision, nearest)
-        reward = step_reward(self.amounts, paid)
         truncated = (after[:, STEP] >= world.max_steps) & ~reached & ~collision
-        return Outcome(after, reward, reached, collision, truncated, nearest)
+        unpaid = Outcome(after, distance, reached, collision, truncated, nearest)
+        return unpaid._replace(reward=step_reward(self.amounts, self._paid_step(action, unpaid)))
 
     def reward_terms(self, action: Tensor, outcome: Outcome) -> dict[str, Tensor]:
         """Return the raw rewards of steps by term, each [N], for the actions [N] and what they led to."""
-        after = outcome.state, goal_distance(outcome.state), outcome.goal, outcome.collision
-        return reward_terms(self.amounts, self._paid_step(action, *after, outcome.min_distance))
+        return reward_terms(self.amounts, self._paid_step(action, outcome))
 
-    def _paid_step(
-        self,
-        action: Tensor,
-        after: Tensor,
-        distance: Tensor,
-        reached: Tensor,
-        collision: Tensor,
-        nearest: Tensor,
-    ) -> PaidStep:
-        """Return what steps are paid for; `distance` (m) is to the goal, `nearest` to the nearest ship."""
-        off_bow = angle_off_bow(position(after), after[:, HEADING], goal(after))
-        flags = reached.to(distance.dtype), collision.to(distance.dtype)
+    def _paid_step(self, action: Tensor, outcome: Outcome) -> PaidStep:
+        """Return what steps are paid for."""
+        state = outcome.state
+        off_bow = angle_off_bow(position(state), state[:, HEADING], goal(state))
+        reached, collided = outcome.goal.to(state.dtype), outcome.collision.to(state.dtype)
+        nearest = outcome.min_distance.clamp(max=MAX_SHIP_DISTANCE)
         speed, turn = self.actions[action].unbind(-1)
-        return PaidStep(distance, off_bow, *flags, nearest.clamp(max=MAX_SHIP_DISTANCE), speed, turn)
+        return PaidStep(goal_distance(state), off_bow, reached, collided, nearest, speed, turn)

@@ -8,11 +8,10 @@ from torch import Tensor
 from ship_trl.config.bounds import SHIP_NUMBERS
 from ship_trl.config.types import World
 from ship_trl.sim import scene
+from ship_trl.sim.encounter import own_velocity, ship_velocities
 from ship_trl.sim.geometry import angle_off_bow, unit_vector
 from ship_trl.sim.state import (
     HEADING,
-    SHIP_HEADING,
-    SHIP_SPEED,
     SPEED,
     YAW_RATE,
     goal,
@@ -20,7 +19,6 @@ from ship_trl.sim.state import (
     is_present,
     position,
     relative_positions,
-    target_ships,
 )
 
 # Units of TCPA (s) and DCPA (m), their largest size, and the least relative speed (m/s) that they are for.
@@ -64,10 +62,9 @@ class VectorObservation:
 
     def _observe_ships(self, state: Tensor) -> Tensor:
         """Return the numbers of the K nearest target ships [..., K, 10]."""
-        ships, away, present = target_ships(state), relative_positions(state), is_present(state)
+        away, present = relative_positions(state), is_present(state)
         bow = unit_vector(state[..., HEADING])[..., None, :]
-        velocity = ships[..., SHIP_SPEED, None] * unit_vector(ships[..., SHIP_HEADING])
-        velocity = velocity - state[..., SPEED, None, None] * bow
+        velocity = ship_velocities(state) - own_velocity(state)[..., None, :]
         port = torch.stack((-bow[..., 1], bow[..., 0]), -1)
         distance = torch.linalg.vector_norm(away, dim=-1)
         ahead, left = (away * bow).sum(-1), (away * port).sum(-1)

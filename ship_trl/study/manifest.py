@@ -17,7 +17,7 @@ from ship_trl.config.types import Config, plain
 from ship_trl.config.world import world_values
 from ship_trl.files.disk import atomic_write, read_json
 from ship_trl.grid.compose import compose_config
-from ship_trl.sim.suites import load_suite
+from ship_trl.sim.cases import load_suite
 from ship_trl.study.claims import stamp
 from ship_trl.study.plan import PAIRS, Job, StudyConfig
 

@@ -19,8 +19,7 @@ from filelock import FileLock
 from ship_trl.config.arm import FORMS, Arm, TransferMethodName
 from ship_trl.config.types import World
 from ship_trl.files.disk import read_json, sync, writing
-from ship_trl.sim.cases import Case
-from ship_trl.sim.suites import Suite
+from ship_trl.sim.cases import Case, Suite
 from ship_trl.transfer.similarity import MEASURES, similarity
 
 POLICY, POLICY_LAST = "policy.safetensors", "policy_last.safetensors"

@@ -14,21 +14,19 @@ from torch import Tensor
 from ship_trl.config.types import World
 from ship_trl.learn.network import DuelingNetwork
 from ship_trl.learn.rollout import Episode, outcome
-from ship_trl.policies.entry import Entry, rollout_entry
-from ship_trl.policies.named import network_of
+from ship_trl.policies.named import network_of, rollout_entry
+from ship_trl.policies.registry import Entry
 from ship_trl.sim.cases import Case
-from ship_trl.sim.geometry import closest_approach, predicted_approach, unit_vector
+from ship_trl.sim.encounter import relative_motion
+from ship_trl.sim.geometry import closest_approach
 from ship_trl.sim.render import Rasteriser
 from ship_trl.sim.state import (
-    HEADING,
     SHIP_COUNT,
     SHIP_HEADING,
     SHIP_SPEED,
     SHIP_Y,
-    SPEED,
     first_case,
     goal_distance,
-    relative_positions,
     select_ships,
     target_ships,
 )
@@ -71,13 +69,13 @@ class Telemetry:
         self, case: Case, world: World, states: Tensor, actions: Tensor, q_values: Tensor | None = None
     ) -> None:
         self.case, self.world = case, world
-        motion = Transition(world)
+        transition = Transition(world)
         # Of a suite, empty places for target ships are left out.
         states = select_ships(states, range(int(states[0, SHIP_COUNT])))
-        after = motion(states[:-1], actions)
+        after = transition(states[:-1], actions)
         goal, collision, end = (bool(f[-1:].any()) for f in (after.goal, after.collision, after.truncated))
         self.outcome = outcome(goal, collision) if goal or collision or end else None
-        terms = motion.reward_terms(actions, after)
+        terms = transition.reward_terms(actions, after)
         self.terms = {name: _return_so_far(rewards) for name, rewards in terms.items()}
         self.total = _return_so_far(after.reward)
         self.states, self.actions = _numbers(states), actions.cpu().numpy().astype(np.int64)
@@ -86,14 +84,11 @@ class Telemetry:
         self.ships, self.headings = _numbers(ships[..., : SHIP_Y + 1]), _numbers(ships[..., SHIP_HEADING])
         self.speeds = _numbers(ships[..., SHIP_SPEED])
         self.goal_distance = _numbers(goal_distance(states))
-        away = relative_positions(states)
-        apart = torch.linalg.vector_norm(away, dim=-1)
-        within = torch.cat((apart[:1], closest_approach(away[:-1], away[1:])))
-        self.apart = _numbers(apart)
+        motion = relative_motion(states)
+        away, self.apart = motion.position, _numbers(motion.distance)
+        within = torch.cat((motion.distance[:1], closest_approach(away[:-1], away[1:])))
         self.closest = _numbers(within.cummin(0).values if within.numel() else within)
-        velocity = ships[..., SHIP_SPEED, None] * unit_vector(ships[..., SHIP_HEADING])
-        velocity -= (states[:, SPEED, None] * unit_vector(states[:, HEADING]))[:, None]
-        self.dcpa, self.tcpa = map(_numbers, predicted_approach(away, velocity))
+        self.dcpa, self.tcpa = _numbers(motion.dcpa), _numbers(motion.tcpa)
 
     @property
     def steps(self) -> int:

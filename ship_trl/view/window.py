@@ -21,11 +21,10 @@ from ship_trl.config.types import World
 from ship_trl.fast.worlds import make_rasteriser
 from ship_trl.files.disk import atomic_write
 from ship_trl.policies.demonstrations import write_demonstration
-from ship_trl.policies.entry import Entry
 from ship_trl.policies.reference import best_known
-from ship_trl.sim.cases import Case, readable_cases
+from ship_trl.policies.registry import Entry
+from ship_trl.sim.cases import Case, Suite, readable_cases, suite_of
 from ship_trl.sim.state import initial_state
-from ship_trl.sim.suites import Suite, suite_of
 from ship_trl.sim.transition import Transition
 from ship_trl.view import pen
 from ship_trl.view.dashboard import Look, draw_dashboard, step_at

@@ -20,10 +20,9 @@ from ship_trl.fast.worlds import make_env, make_step
 from ship_trl.files.disk import atomic_write
 from ship_trl.learn.lockstep import Lockstep, roll_out
 from ship_trl.policies.named import load_policy
-from ship_trl.sim.cases import load_case, load_world
+from ship_trl.sim.cases import load_case, load_suite, load_world, suite_of
 from ship_trl.sim.starts import Starts
 from ship_trl.sim.state import initial_state, state_size
-from ship_trl.sim.suites import load_suite, suite_of
 from studies.lockstep import PLACES, learn, starts
 from studies.runs import Row, Setting, Task, make_row, weights_path
 from studies.second.plan import FIRST_SOURCE, IMAZU, TRAFFIC, TRAFFIC_SEEDS

@@ -17,8 +17,7 @@ from ship_trl.learn.network import DuelingNetwork
 from ship_trl.learn.rollout import Episode, greedy_policy, rollout
 from ship_trl.policies.named import load_network, load_policy
 from ship_trl.policies.reference import best_known, score_bounds
-from ship_trl.sim.cases import Case
-from ship_trl.sim.suites import Suite, suite_of
+from ship_trl.sim.cases import Case, Suite, suite_of
 
 # Episodes of the planner, and the share of random actions in them.
 EPISODES, EXPLORATION = 32, 0.3

@@ -18,8 +18,8 @@ from ship_trl.config.types import World
 from ship_trl.fast.worlds import make_env
 from ship_trl.gym import ShipCollisionVectorEnv
 from ship_trl.learn.rollout import Episode, Policy, rollout
+from ship_trl.sim.cases import load_suite
 from ship_trl.sim.env import ShipEnv
-from ship_trl.sim.suites import load_suite
 
 
 def test_from_the_command_to_table_and_picture(

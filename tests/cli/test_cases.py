@@ -8,8 +8,7 @@ import pytest
 from PIL import Image
 
 from ship_trl.cli.cases import main
-from ship_trl.sim.cases import load_world
-from ship_trl.sim.suites import load_suite
+from ship_trl.sim.cases import load_suite, load_world
 from ship_trl.transfer.casebase import CaseBase
 from tests.command import ROOT, ship_trl
 from tests.pasted import composed_values, printed_commands

@@ -5,7 +5,8 @@ from pathlib import Path
 import pytest
 
 from ship_trl.cli.watch import main
-from ship_trl.policies.entry import failures_first, split_suites
+from ship_trl.policies.named import failures_first
+from ship_trl.policies.registry import split_suites
 from ship_trl.run.entries import find_entries
 from tests.command import refused
 
@@ -37,7 +38,7 @@ def test_without_a_screen_record_is_offered(
 
 def test_of_a_suite_the_failures_of_the_first_policy_come_first() -> None:
     entries = split_suites(find_entries(["keep_course", "best_known", "target=paper"], False))
-    found = [(entry.policy, entry.case.name) for entry in failures_first(entries)]
+    found = [(entry.policy, entry.suite.case.name) for entry in failures_first(entries)]
     assert [case for policy, case in found[:7]] == ["3", "4", "5", "6", "1", "2", "new"]
     assert {policy for policy, _ in found[:7]} == {"keep_course"}
     assert found[7:] == [("best_known", case) for case in ("1", "2", "3", "4", "5", "6", "new")]

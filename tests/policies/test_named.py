@@ -19,14 +19,12 @@ from ship_trl.config.types import World
 from ship_trl.fast.worlds import make_env
 from ship_trl.learn.network import make_network
 from ship_trl.learn.rollout import rollout
-from ship_trl.policies.entry import Entry, rollout_entry
-from ship_trl.policies.named import load_policy
+from ship_trl.policies.named import load_policy, rollout_entry
 from ship_trl.policies.reference import best_known
-from ship_trl.policies.registry import POLICIES
-from ship_trl.sim.cases import load_case
+from ship_trl.policies.registry import POLICIES, Entry
+from ship_trl.sim.cases import load_case, load_suite, suite_of
 from ship_trl.sim.env import ShipEnv
 from ship_trl.sim.starts import Starts
-from ship_trl.sim.suites import load_suite, suite_of
 from ship_trl.transfer.weights import save_weights
 
 

@@ -7,9 +7,8 @@ from tensordict import TensorDict
 from ship_trl.fast.worlds import make_env
 from ship_trl.learn.rollout import Policy, rollout
 from ship_trl.policies.named import load_policy
-from ship_trl.sim.cases import Case, load_case, load_world
+from ship_trl.sim.cases import Case, load_case, load_suite, load_world
 from ship_trl.sim.state import initial_state
-from ship_trl.sim.suites import load_suite
 from ship_trl.sim.transition import Transition
 
 WORLD = load_world()

@@ -15,8 +15,7 @@ from ship_trl.policies import pretrained
 from ship_trl.policies.reference import best_known
 from ship_trl.run.entries import find_entries
 from ship_trl.run.pretrain import SUITES, TESTS, rollout_greedy
-from ship_trl.sim.cases import load_case, load_world
-from ship_trl.sim.suites import Perturbation, load_suite
+from ship_trl.sim.cases import Perturbation, load_case, load_suite, load_world
 from tests.cli.test_evaluate import table
 
 WORLD = load_world()

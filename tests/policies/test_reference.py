@@ -12,8 +12,7 @@ from ship_trl.config.types import Perturbation, World
 from ship_trl.fast.worlds import make_env
 from ship_trl.policies import reference
 from ship_trl.policies.planner import Plan, best_plan
-from ship_trl.sim.cases import Case, load_case, load_world
-from ship_trl.sim.suites import load_suite, suite_of
+from ship_trl.sim.cases import Case, load_case, load_suite, load_world, suite_of
 
 WORLD = load_world()
 

@@ -3,10 +3,11 @@
 from dataclasses import replace
 
 from ship_trl.config.types import World
-from ship_trl.policies.entry import Entry, example_scenes, rollout_entry
+from ship_trl.policies.named import rollout_entry
+from ship_trl.policies.registry import Entry, split_suites
 from ship_trl.run.scores import HEADINGS, Scored
+from ship_trl.sim.cases import load_suite
 from ship_trl.sim.state import first_case
-from ship_trl.sim.suites import load_suite
 
 
 def evaluated(world: World, suite: str, episodes: int | None = None) -> Scored:
@@ -20,9 +21,9 @@ def test_scenes_have_the_names_of_their_cases(world: World) -> None:
     assert [drawn.scene_name(row) for row in (0, 6, 7, 13)] == ["1 (1)", "new (1)", "1 (2)", "new (2)"]
     # A scene can be watched by its seed.
     traffic = evaluated(world, "traffic", 3)
-    scenes = example_scenes(traffic.entry.suite, world, 0)
-    for scene, episode in zip(scenes, traffic.episodes, strict=False):
-        assert scene.case == replace(first_case(traffic.entry.suite, episode.states[0]), name=scene.name)
+    for entry, episode in zip(split_suites([traffic.entry]), traffic.episodes, strict=False):
+        case = first_case(traffic.entry.suite, episode.states[0])
+        assert entry.suite.case == replace(case, name=entry.suite.name)
     assert [traffic.scene_name(row) for row in range(3)] == [f"seed {seed}" for seed in range(3)]
 
 

@@ -3,9 +3,6 @@
 import math
 from dataclasses import replace
 
-import torch
-from torch import Tensor
-
 from ship_trl.sim.cases import Case
 
 
@@ -28,9 +25,3 @@ def moved_case(case: Case, degrees: float, shift: tuple[float, float]) -> Case:
         heading=case.heading + degrees,
         target_ships=ships,
     )
-
-
-def moved_row(row: Tensor, degrees: float, shift: tuple[float, float]) -> Tensor:
-    """Return rows of own ship [N, 4], see `scenes`, rotated about the origin, then translated."""
-    places = torch.tensor([move([x, y], degrees, shift) for x, y in row[:, :2].double().tolist()])
-    return torch.cat((places, row[:, 2:3] + math.radians(degrees), row[:, 3:]), dim=-1)

@@ -13,7 +13,7 @@ from ship_trl.config.types import World
 from ship_trl.sim.cases import (
     MAX_TARGET_SHIPS,
     Case,
-    case_names,
+    conf_files,
     load_case,
     readable_cases,
     shadowing_file,
@@ -132,11 +132,11 @@ def test_a_users_case_by_name(tmp_path: Path, world: World) -> None:
     # The working directory's cases come before the bundled ones.
     (folder / "1.yaml").write_text(GOOD)
     (folder / "2.yaml").write_text((conf_dir() / "case" / "2.yaml").read_text())
-    assert [name for name in case_names() if not name.startswith("imazu")] == sorted([*BUNDLED, "mine"])
+    assert {name for name in conf_files("case") if not name.startswith("imazu")} == {*BUNDLED, "mine"}
     assert load_case("mine", world).target_ships and load_case("1", world).target_ships
     assert not load_case("3", world).target_ships[1:]
     # A case that differs from the bundled one of its name is reported.
-    shadowed = {name for name in case_names() if shadowing_file("case", name)}
+    shadowed = {name for name in conf_files("case") if shadowing_file("case", name)}
     assert shadowed == {"1"} and shadowing_file("case", "1") == Path("conf/case/1.yaml")
 
 
@@ -181,7 +181,7 @@ def test_a_broken_file_is_named_and_left_out(
     folder.mkdir(parents=True)
     (folder / "mine.yaml").write_text(GOOD)
     (folder / "broken.yaml").write_text("start: [0,\n")
-    assert {case.name for case in readable_cases(world)} == set(case_names()) - {"broken"}
+    assert {case.name for case in readable_cases(world)} == set(conf_files("case")) - {"broken"}
     said = capsys.readouterr().err
     assert (
         said.startswith("ship_trl: left out: conf/case/broken.yaml: not readable as YAML")

@@ -6,10 +6,9 @@ from collections import Counter
 import pytest
 
 from ship_trl.policies.reference import best_known
-from ship_trl.sim.cases import Case, load_case, load_world
+from ship_trl.sim.cases import Case, load_case, load_suite, load_world
 from ship_trl.sim.encounter import Encounter, classify, relative_motion
 from ship_trl.sim.state import initial_state
-from ship_trl.sim.suites import load_suite
 
 WORLD = load_world()
 SUITE = load_suite("imazu", WORLD)

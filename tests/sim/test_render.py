@@ -15,7 +15,6 @@ from ship_trl.fast.worlds import make_rasteriser
 from ship_trl.sim import scene
 from ship_trl.sim.cases import Case, TargetShip, load_case, load_world
 from ship_trl.sim.state import OWN_SIZE, SHIP_SPEED, SPEED, state_size
-from tests.sim.moving import moved_case, moved_row
 from tests.sim.pictures import supersampled
 from tests.sim.scenes import scenes
 
@@ -60,13 +59,6 @@ def test_the_picture_is_uint8_of_the_states_shape(shape: tuple[int, ...]) -> Non
         assert rasteriser.spec(torch.Size(shape)).is_in(pixels)
 
 
-@given(st.lists(states, min_size=1, max_size=6), st.sampled_from(["1", "4", "6"]))
-def test_a_batch_is_its_pictures_one_by_one(batch: list[tuple[float, ...]], name: str) -> None:
-    states = scenes(CASES[name], WORLD, batch)
-    for one, state in zip(GREY(states), states, strict=True):
-        assert torch.equal(one, GREY(state))
-
-
 @given(st.lists(st.tuples(states, st.sampled_from(["1", "4", "6"])), min_size=2, max_size=6))
 def test_rows_of_a_batch_may_be_different_cases(batch: list[tuple[tuple[float, ...], str]]) -> None:
     mixed = torch.zeros(len(batch), state_size(2))
@@ -75,16 +67,6 @@ def test_rows_of_a_batch_may_be_different_cases(batch: list[tuple[tuple[float, .
         row[: one.shape[1]] = one
     for draw in (GREY, COLOUR, lambda state: GREY.reference(state).view(-1, 1, 84, 84)):
         assert torch.equal(draw(mixed), torch.cat([draw(one) for one in alone]))
-
-
-@given(states, st.floats(-180, 180), st.tuples(st.floats(-300, 300), st.floats(-300, 300)))
-def test_only_relative_places_are_seen(
-    state: tuple[float, ...], degrees: float, shift: tuple[float, float]
-) -> None:
-    here = at(*state)
-    there = moved_row(here, degrees, shift)
-    other = draw(moved_case(CASES["6"], degrees, shift), there)
-    assert int((draw(CASES["6"], here) - other).abs().max()) <= 2
 
 
 @given(states)
@@ -167,18 +149,6 @@ def test_a_vector_is_the_way_of_the_bow(heading: float, speed: float) -> None:
     assert along.numel() and float(along.min()) > bow - 23 and float(along.max()) < bow + 20 * speed + 23
     if bow + 20 * speed < 150:
         assert float(along.max()) > bow + 20 * speed - 23
-
-
-@pytest.mark.parametrize("distance", [100.0, 250.0, 330.0, 475.0, 600.0])
-def test_the_lines_length_is_the_goals_distance(distance: float) -> None:
-    picture = draw(CASES["1"], at(0.0, 600.0 - distance, AHEAD, 0.0))[0]
-    disc, line = (
-        sum(a * b for a, b in zip(c, scene.LUMINANCE, strict=True)) for c in (scene.DISC, scene.LINE)
-    )
-    # Ahead is up, the line lies half on each of the middle columns, and the circles end 4 pixels ahead.
-    lit = (picture[:37, 41:43].sum(-1) - 2 * disc) / (line - disc)
-    # The end is rounded, with a radius of half a pixel.
-    assert float(lit.sum()) + 4.5 == pytest.approx(distance * scene.PIXELS_PER_METRE, abs=0.3)
 
 
 @given(st.floats(-180, 180), st.sampled_from([(200.0, 200.0), (-250.0, 100.0), (300.0, -150.0)]))

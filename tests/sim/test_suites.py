@@ -1,8 +1,9 @@
-"""Suites: which cases they name, and the initial states that they draw."""
+"""Suites: their files, here or bundled, which cases they name, and the initial states that they draw."""
 
 import math
 from dataclasses import replace
 from functools import partial
+from pathlib import Path
 
 import pytest
 import torch
@@ -11,9 +12,18 @@ from torchrl.envs import ParallelEnv, SerialEnv
 from torchrl.envs.batched_envs import BatchedEnvBase
 
 from ship_trl.config.errors import ConfigError
+from ship_trl.config.paths import conf_dir
 from ship_trl.config.types import World
 from ship_trl.fast.worlds import make_env, make_starts
-from ship_trl.sim.cases import load_case
+from ship_trl.sim.cases import (
+    Perturbation,
+    conf_files,
+    load_case,
+    load_suite,
+    profile_of,
+    shadowing_file,
+    suite_of,
+)
 from ship_trl.sim.env import ShipEnv
 from ship_trl.sim.starts import Starts
 from ship_trl.sim.state import (
@@ -28,7 +38,6 @@ from ship_trl.sim.state import (
     relative_positions,
     target_ships,
 )
-from ship_trl.sim.suites import Perturbation, load_suite, suite_files, suite_of
 
 BOUNDS = Perturbation(own_position=30.0, own_heading=20.0, ship_position=100.0, ship_speed=5.0)
 
@@ -37,7 +46,7 @@ def draw(seed: int = 0) -> Generator:
     return Generator().manual_seed(seed)
 
 
-@pytest.mark.parametrize("name", sorted(suite_files()))
+@pytest.mark.parametrize("name", sorted(conf_files("suite")))
 def test_every_suite_loads_and_draws(name: str, world: World) -> None:
     assert len(make_starts(load_suite(name, world), world).sample(3, draw())) == 3
 
@@ -105,7 +114,7 @@ def test_a_perturbation_that_leaves_no_start_is_refused(world: World) -> None:
 
 @pytest.mark.parametrize("kind", [SerialEnv, pytest.param(ParallelEnv, marks=pytest.mark.long)])
 def test_workers_see_other_scenes_and_a_seed_repeats_them(kind: type[BatchedEnvBase], world: World) -> None:
-    make = partial(ShipEnv, load_suite("traffic", world), world, 1)
+    make = partial(ShipEnv, load_suite("paper_perturbed", world), world, 1)
     workers, other = kind(2, make), kind(2, make)
     unseeded = [env.reset()["state"] for env in (workers, other)]
     assert len({scene.numpy().tobytes() for rows in unseeded for scene in rows}) == 4
@@ -144,3 +153,53 @@ def test_a_perturbed_batch_and_its_resets_equal_single_environments(world: World
                 state = next(begun)[None]
                 alone[n] = single.reset().update({"state": state, "pixels": single.rasteriser(state)})
     assert ended > count
+
+
+def test_an_unknown_suite_is_refused(world: World) -> None:
+    with pytest.raises(ConfigError, match="suite: no case or suite everything; allowed: 1, 2"):
+        load_suite("everything", world)
+
+
+def test_a_suite_of_the_working_directory_comes_before_a_bundled_one(
+    world: World, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    bundled = load_suite("traffic", world).traffic
+    (tmp_path / "conf/suite").mkdir(parents=True)
+    text = (conf_dir() / "suite/traffic.yaml").read_text().replace("reacting: 0 ", "reacting: 1 ")
+    (tmp_path / "conf/suite/traffic.yaml").write_text(text)
+    (tmp_path / "conf/suite/two.yaml").write_text("cases: ['1', '2']")
+    monkeypatch.chdir(tmp_path)
+    own = load_suite("traffic", world).traffic
+    assert bundled is not None and own is not None and (bundled.reacting, own.reacting) == (0, 1)
+    assert [case.name for case in load_suite("two", world).cases] == ["1", "2"]
+    (tmp_path / "conf/suite/two.yaml").write_text("cases: ['1', '22']")
+    with pytest.raises(ConfigError, match=r"^conf/suite/two.yaml: cases: no case 22"):
+        load_suite("two", world)
+    (tmp_path / "conf/suite/two.yaml").write_text("cases: ['1'")
+    for read in (lambda: load_suite("two", world), lambda: profile_of("two")):
+        with pytest.raises(ConfigError, match=r"^conf/suite/two.yaml: not readable as YAML: "):
+            read()
+    assert shadowing_file("suite", "traffic") == Path("conf/suite/traffic.yaml")
+    assert shadowing_file("suite", "two") is None
+
+
+def test_a_suite_takes_what_it_leaves_out_from_the_one_it_is_based_on(
+    world: World, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    (tmp_path / "conf/suite").mkdir(parents=True)
+    monkeypatch.chdir(tmp_path)
+    own = tmp_path / "conf/suite/own.yaml"
+    own.write_text("based_on: traffic\ntraffic:\n  reacting: 0.5\n  ships: [0, 1]\n")
+    below, above = load_suite("traffic", world).traffic, load_suite("own", world).traffic
+    assert below is not None and above == replace(below, reacting=0.5, ships=[0, 1])
+    assert profile_of("own") == "traffic"
+    for wrong in ("nothing", "own", "traffic_dense", "[1, 2]", "../suite/traffic", "traffic\ntraffic: [1]"):
+        own.write_text(f"based_on: {wrong}\n")
+        with pytest.raises(ConfigError, match=r"^conf/suite/own.yaml: based_on: "):
+            load_suite("own", world)
+    own.write_text("based_on: traffic_test\n")
+    assert len(load_suite("own", world).cases) == 500
+    # A bundled suite keeps its base, and a file may be based on the bundled one of its name.
+    (tmp_path / "conf/suite/traffic.yaml").write_text("based_on: traffic\ntraffic:\n  ships: [1]\n")
+    ours, theirs = load_suite("traffic", world).traffic, load_suite("traffic_reacting", world).traffic
+    assert ours == replace(below, ships=[1]) and theirs == replace(below, reacting=1)

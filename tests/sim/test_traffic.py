@@ -12,8 +12,10 @@ from torchrl.envs.utils import check_env_specs
 from ship_trl.config.errors import ConfigError
 from ship_trl.config.types import World
 from ship_trl.fast.worlds import make_env, make_starts
+from ship_trl.sim.cases import load_suite
 from ship_trl.sim.encounter import Encounter, classify, relative_motion
 from ship_trl.sim.geometry import angle_off_bow
+from ship_trl.sim.starts import TrafficStarts
 from ship_trl.sim.state import (
     HEADING,
     SHIP_COUNT,
@@ -23,8 +25,6 @@ from ship_trl.sim.state import (
     position,
     target_ships,
 )
-from ship_trl.sim.suites import load_suite
-from ship_trl.sim.traffic import TrafficStarts
 from ship_trl.sim.transition import Transition
 
 COUNT = 2000
@@ -75,8 +75,8 @@ def test_a_seed_is_a_scene_for_good(world: World) -> None:
 
 def test_a_scene_depends_on_its_own_seed_alone(world: World) -> None:
     starts, generator = make_starts(load_suite("traffic", world), world), Generator().manual_seed(7)
-    together = starts.draw(20, Generator().manual_seed(7))
-    assert all((starts.draw(1, generator)[0] == row).all() for row in together)
+    together = starts.sample(20, Generator().manual_seed(7))
+    assert all((starts.sample(1, generator)[0] == row).all() for row in together)
 
 
 def test_in_every_scene_a_simple_manoeuvre_reaches_the_goal(world: World) -> None:

@@ -9,8 +9,7 @@ from filelock import Timeout
 
 from ship_trl.config.arm import Arm
 from ship_trl.config.types import Perturbation, World
-from ship_trl.sim.cases import case_names, load_case
-from ship_trl.sim.suites import Suite, load_suite, suite_of
+from ship_trl.sim.cases import Suite, conf_files, load_case, load_suite, suite_of
 from ship_trl.transfer.casebase import CaseBase, rank, recommend
 
 
@@ -64,7 +63,7 @@ def test_half_an_entry_is_passed_over_and_replaced(base: CaseBase, finished_run:
 
 
 def test_ranking_by_similarity_and_by_distance(world: World) -> None:
-    cases = {name: load_case(name, world) for name in case_names()}
+    cases = {name: load_case(name, world) for name in sorted(conf_files("case"))}
     target = cases.pop("new")
     ranking = rank(target, list(cases.values()), world)
     assert ranking[0].case.name == "2"
@@ -76,7 +75,7 @@ def test_ranking_by_similarity_and_by_distance(world: World) -> None:
 
 
 def test_recommended_arm_follows_the_paper(world: World) -> None:
-    cases = {name: load_case(name, world) for name in case_names()}
+    cases = {name: load_case(name, world) for name in sorted(conf_files("case"))}
     assert recommend(cases["1"], cases["2"]) == Arm.parse("FE3")
     assert recommend(cases["5"], cases["6"]) == Arm.parse("FT1")
 

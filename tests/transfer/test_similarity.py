@@ -6,11 +6,11 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from ship_trl.sim.cases import Case, TargetShip, case_names, load_case, load_world
+from ship_trl.sim.cases import Case, TargetShip, conf_files, load_case, load_world
 from ship_trl.transfer.similarity import distance, similarity
 
 WORLD = load_world()
-BUNDLED = {name: load_case(name, WORLD) for name in case_names()}
+BUNDLED = {name: load_case(name, WORLD) for name in sorted(conf_files("case"))}
 ships = st.builds(
     TargetShip,
     x=st.sampled_from([-300.0, 300.0]),

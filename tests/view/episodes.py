@@ -12,9 +12,8 @@ from ship_trl.config.types import World
 from ship_trl.fast.worlds import make_env, make_rasteriser
 from ship_trl.learn.network import DuelingNetwork
 from ship_trl.learn.rollout import Episode
-from ship_trl.policies.entry import Entry
-from ship_trl.sim.cases import Case, load_world
-from ship_trl.sim.suites import load_suite
+from ship_trl.policies.registry import Entry
+from ship_trl.sim.cases import Case, load_suite, load_world
 from ship_trl.view import pen
 from ship_trl.view.dashboard import Look, draw_dashboard
 from ship_trl.view.episode import EpisodeView, measure_episode

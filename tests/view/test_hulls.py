@@ -9,12 +9,12 @@ import pygame
 import pytest
 from numpy.typing import NDArray
 
-from ship_trl.policies.entry import draw_starts, split_suites
+from ship_trl.policies.named import draw_starts
+from ship_trl.policies.registry import split_suites
 from ship_trl.run.entries import find_entries
 from ship_trl.sim import scene
-from ship_trl.sim.cases import load_world
+from ship_trl.sim.cases import load_suite, load_world
 from ship_trl.sim.state import SHIP_COUNT, SHIP_Y, position, target_ships
-from ship_trl.sim.suites import load_suite
 from ship_trl.view import dashboard, pages, pen
 from ship_trl.view.dashboard import Look, draw_dashboard
 from ship_trl.view.episode import EpisodeView, view_entry
@@ -97,7 +97,7 @@ def test_no_frame_of_a_film_shows_a_collision_that_is_none(words: str, hulls: li
                 draw_dashboard(pygame.Surface(size, depth=32), [view], at, Look())
                 shown += 1
                 if found := touching_at(hulls, places):
-                    wrong[entry.case.name, at, size] = found
+                    wrong[entry.suite.case.name, at, size] = found
     assert shown > 50 and wrong == {}
 
 

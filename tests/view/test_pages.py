@@ -11,13 +11,13 @@ from PIL import Image
 from ship_trl.config.types import World
 from ship_trl.fast.worlds import make_rasteriser
 from ship_trl.learn.rollout import Episode
-from ship_trl.policies.entry import Entry, rollout_entry
+from ship_trl.policies.named import rollout_entry
+from ship_trl.policies.registry import Entry
 from ship_trl.sim import scene
-from ship_trl.sim.cases import Case, load_case, load_world
+from ship_trl.sim.cases import Case, load_case, load_suite, load_world
 from ship_trl.sim.encounter import Encounter
 from ship_trl.sim.starts import Starts
 from ship_trl.sim.state import initial_state
-from ship_trl.sim.suites import load_suite
 from ship_trl.view import pages, pen
 from ship_trl.view.style import BACKGROUND, OUTCOMES
 from tests.sim.scenes import scenes

@@ -20,8 +20,8 @@ from PIL import Image
 from ship_trl.config.errors import ConfigError
 from ship_trl.config.types import Perturbation
 from ship_trl.policies.demonstrations import read_demonstrations
-from ship_trl.policies.entry import split_suites
 from ship_trl.policies.reference import best_known
+from ship_trl.policies.registry import split_suites
 from ship_trl.sim.cases import load_case, load_world
 from ship_trl.view import pen
 from ship_trl.view.dashboard import draw_dashboard

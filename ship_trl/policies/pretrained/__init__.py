@@ -7,14 +7,14 @@ chosen from, and `curves.csv.xz`, the training returns of those runs.
 from __future__ import annotations
 
 import json
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cache
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from ship_trl.config.errors import ConfigError
 from ship_trl.config.paths import conf_dir
-from ship_trl.sim.suites import Suite
+from ship_trl.sim.cases import UNPERTURBED, Suite
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -125,7 +125,7 @@ def find(name: str, suite: Suite | None, key: str = "policy", observation: str |
         found = [one for one in every if one.name == wanted]
     else:
         kind, of = "case" if len(suite.cases) == 1 else "suite", suite.name
-        fingerprint = suite.unperturbed.fingerprint
+        fingerprint = replace(suite, perturbation=UNPERTURBED).fingerprint
         found = [one for one in networks() if one.fingerprint == fingerprint]
         if not found and any(one.name == of for one in networks()):
             raise ConfigError(

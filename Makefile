@@ -1,7 +1,7 @@
 # make run    the main job, and a film of its network; make run ARGS="target=4 method=scratch" another job, without that film
 # make install  nothing but the virtual environment, for the commands of the README
 # make watch  nothing is trained: the network of case 4 gives way to two ships, in a window
-# make test   style, types and tests; those that precision touches once more without bfloat16
+# make test   style, types and tests
 # make test-long   the tests that `make test` leaves out, for they take half a minute or more each
 # make lock   the newest versions that fit pyproject.toml into requirements.lock: make lock UPGRADE=--upgrade
 # make audit  asks a public database whether a locked version has a known vulnerability
@@ -21,8 +21,6 @@ BIN = $(VENV)/bin
 # Beside the other: what these tools need must not change what is run and tested.
 TOOLS = $(VENV)-tools
 INSTALL = $(BIN)/python -m pip install $(if $(LOCK),--constraint $(LOCK)) --editable
-# Where the tests are whose numbers hang on the precision: to collect all takes longer than to run them.
-PRECISION = tests/benchmarks tests/cli
 # A second thread makes these small networks slower: one thread a process, one process a core.
 export OMP_NUM_THREADS = 1
 
@@ -52,7 +50,6 @@ test: $(VENV)/.test
 	$(BIN)/ruff format --check .
 	$(BIN)/mypy
 	$(BIN)/python -m pytest --numprocesses 2 --dist loadfile --no-loadscope-reorder
-	SHIP_TRL_BFLOAT16=off $(BIN)/python -m pytest -m "precision and not long" $(PRECISION)
 
 test-long: $(VENV)/.test
 	$(BIN)/python -m pytest -m long

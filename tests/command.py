@@ -14,6 +14,11 @@ from tests import forked
 ROOT = Path(__file__).parents[1]
 # As long as real keys, because wandb rejects others. No file and no argument may contain them.
 KEYS = {"WANDB_API_KEY": "a1b2c3d4e5" * 4, "RAY_AUTH_TOKEN": "f6e7d8c9" * 8}
+# A run of three short episodes with a few small updates.
+SMOKE = (
+    *("profile=smoke", "learn.episodes=3", "learn.warmup_steps=60", "learn.batch_size=8"),
+    "learn.jumpstart_draws=1",
+)
 
 
 def environment() -> dict[str, str]:
@@ -24,16 +29,29 @@ def environment() -> dict[str, str]:
 
 
 def ship_trl(
-    *arguments: str, folder: Path, verb: str = "", code: int = 0, first: str = "", new_process: bool = False
+    *arguments: str,
+    folder: Path,
+    verb: str = "",
+    code: int = 0,
+    first: str = "",
+    new_process: bool = False,
+    pictures: bool = False,
 ) -> subprocess.CompletedProcess[str]:
     """Run `python -m ship_trl VERB ARGUMENTS` in `folder`, and check its exit code.
 
     `verb` is empty for a run or a grid. `first` is Python code to run before it. A `new_process` takes five
-    seconds more than a forked child.
+    seconds more than a forked child, which draws `pictures` of runs and studies only if it is asked to.
     """
     words = [*verb.split(), *arguments]
+
+    def before() -> None:
+        from tests.pictures import draw, leave_out  # which import torch
+
+        (draw if pictures else leave_out)()
+        exec(first, {})
+
     if not new_process:
-        ended = forked.run(*words, folder=folder, before=lambda: exec(first, {}), timeout=900.0)
+        ended = forked.run(*words, folder=folder, before=before, timeout=900.0)
         done = subprocess.CompletedProcess(words, ended.code or 0, ended.out, ended.err)
         assert ended.code == code, str(ended)
         return done

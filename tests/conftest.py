@@ -11,8 +11,10 @@ from hypothesis import find, settings
 from hypothesis import strategies as st
 
 from ship_trl.config.types import World
+from ship_trl.run import experiment
 from ship_trl.sim.cases import Case, TargetShip, load_world
 from tests.command import KEYS
+from tests.pictures import OF_RUNS, draw_a_dot
 from tests.study.commands import SMALL, study
 
 torch.set_num_threads(1)
@@ -27,6 +29,12 @@ def pytest_collection_finish() -> None:
     find(st.none(), lambda _: True)
     gc.collect()
     gc.freeze()
+
+
+@pytest.fixture(scope="session", autouse=True)
+def no_pictures() -> None:
+    """Let runs of this process write dots in place of pictures."""
+    vars(experiment).update(dict.fromkeys(OF_RUNS, draw_a_dot))
 
 
 @pytest.fixture(autouse=True)

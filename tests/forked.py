@@ -19,7 +19,7 @@ import time
 import traceback
 import warnings
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from functools import cache
 from pathlib import Path
 from typing import Any, NoReturn
@@ -61,7 +61,7 @@ def warm_up() -> None:
     import torch
 
     torch.set_num_threads(1)
-    words = ("profile=smoke", "target=1", "method=scratch", "learn.episodes=2")
+    words = ("profile=smoke", "target=1", "method=scratch", "learn.episodes=2", "learn.jumpstart_draws=0")
     with tempfile.TemporaryDirectory() as folder, contextlib.chdir(folder):
         with contextlib.redirect_stdout(io.StringIO()):
             call(words)
@@ -81,64 +81,89 @@ def call(words: Sequence[str]) -> None:
 
 
 class Child:
-    """A command in a forked child; `before` is called in the child first."""
+    """A command in a forked child, with as much of `subprocess.Popen` as our commands and tests use."""
+
+    def __init__(
+        self, words: Sequence[str], folder: Path, out: int, err: int, before: Callable[[], None]
+    ) -> None:
+        self.returncode: int | None = None
+        # Else both processes would write what is in them.
+        sys.stdout.flush()
+        sys.stderr.flush()
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore", DeprecationWarning)  # of forking beside threads
+            self.pid = os.fork()
+        if self.pid == 0:
+            run_and_exit(words, folder, (out, err), before)
+
+    def poll(self) -> int | None:
+        """Return its exit code, or None while it runs."""
+        if self.returncode is None:
+            pid, status = os.waitpid(self.pid, os.WNOHANG)
+            if pid:
+                self.returncode = os.waitstatus_to_exitcode(status)
+        return self.returncode
+
+    def wait(self, timeout: float = TIMEOUT) -> int:
+        """Wait for its end."""
+        end = time.monotonic() + timeout
+        while (code := self.poll()) is None:
+            if time.monotonic() > end:
+                raise subprocess.TimeoutExpired("ship_trl", timeout)
+            time.sleep(0.005)
+        return code
+
+    def terminate(self, number: signal.Signals = signal.SIGTERM) -> None:
+        """Ask it to end."""
+        if self.poll() is None:
+            os.kill(self.pid, number)
+
+    def kill(self) -> None:
+        """End it."""
+        self.terminate(signal.SIGKILL)
+
+    def __enter__(self) -> "Child":
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self.wait()
+
+
+class Running:
+    """A command in a child with a session and streams of its own; `before` is called in the child first."""
 
     def __init__(self, words: Sequence[str], folder: Path, before: Callable[[], None] = lambda: None) -> None:
         warm_up()
         # Closed when they have been read.
-        self._out, self._err = tempfile.TemporaryFile(), tempfile.TemporaryFile()  # noqa: SIM115
+        self._files = [tempfile.TemporaryFile() for _ in range(2)]  # noqa: SIM115
         self._start = time.monotonic()
-        self.pid = fork()
-        if self.pid == 0:
+
+        def begin() -> None:
             os.setsid()
-            run_and_exit(words, folder, (self._out.fileno(), self._err.fileno()), before)
+            before()
 
-    def wait(self, seconds: float) -> Ended | None:
-        """Wait for its end; return None if it still runs after so many seconds."""
-        end = time.monotonic() + seconds
-        while True:
-            pid, status = os.waitpid(self.pid, os.WNOHANG)
-            if pid:
-                took = time.monotonic() - self._start
-                return Ended(
-                    os.waitstatus_to_exitcode(status), read_all(self._out), read_all(self._err), took
-                )
-            if time.monotonic() > end:
-                return None
-            time.sleep(0.005)
-
-    def kill(self, group: bool = True) -> Ended:
-        """Kill it, or all processes of its session, and return how it ended."""
-        try:
-            (os.killpg if group else os.kill)(self.pid, signal.SIGKILL)
-        except ProcessLookupError:  # it was forked just now, and has no group of its own yet
-            os.kill(self.pid, signal.SIGKILL)
-        ended = self.wait(TIMEOUT)
-        assert ended is not None
-        return ended
+        out, err = (file.fileno() for file in self._files)
+        self.child = Child(words, folder, out, err, begin)
 
     def finish(self, timeout: float = TIMEOUT) -> Ended:
         """Wait for its end, and kill it (then its code is None) and what it left running."""
-        ended = self.wait(timeout) or replace(self.kill(), code=None)
+        code = None
+        with contextlib.suppress(subprocess.TimeoutExpired):
+            code = self.child.wait(timeout)
+        seconds = time.monotonic() - self._start
         with contextlib.suppress(ProcessLookupError):
-            os.killpg(self.pid, signal.SIGKILL)
-        return ended
+            os.killpg(self.child.pid, signal.SIGKILL)
+        self.child.kill()  # it may have been forked just now, and have no session of its own yet
+        self.child.wait()
+        out, err = map(read_all, self._files)
+        return Ended(code, out, err, seconds)
 
 
 def run(
     *words: str, folder: Path, before: Callable[[], None] = lambda: None, timeout: float = TIMEOUT
 ) -> Ended:
     """Run `python -m ship_trl ...` in a folder, as a forked child."""
-    return Child(words, folder, before).finish(timeout)
-
-
-def fork() -> int:
-    """Fork, with nothing in the streams that both processes would write."""
-    sys.stdout.flush()
-    sys.stderr.flush()
-    with warnings.catch_warnings():
-        warnings.simplefilter("ignore", DeprecationWarning)  # of forking beside threads
-        return os.fork()
+    return Running(words, folder, before).finish(timeout)
 
 
 def read_all(file: Any) -> str:
@@ -175,7 +200,7 @@ def run_and_exit(
         warnings.simplefilter("ignore")
         # What the parent would do at its end is not for the child.
         atexit._clear()
-        vars(subprocess)["Popen"] = Forked.instead_of(subprocess.Popen)
+        vars(subprocess)["Popen"] = popen(subprocess.Popen)
         before()
         call(words)
         code = 0
@@ -191,72 +216,16 @@ def run_and_exit(
         os._exit(code)
 
 
-class Forked:
-    """As much of `subprocess.Popen` as our commands use, for one of our commands."""
+def popen(real: Any) -> Callable[..., Any]:
+    """Make a `subprocess.Popen` that forks for our commands, and starts all others."""
 
-    @classmethod
-    def instead_of(cls, real: Any) -> Callable[..., Any]:
-        """Make a `Popen` that forks for our commands, and starts all others."""
+    def start(line: Sequence[str], **options: Any) -> Any:
+        if list(line[:3]) != [sys.executable, "-m", "ship_trl"]:
+            return real(line, **options)
+        # One run after another in one process: joblib's processes would import everything anew.
+        words = ["hydra/launcher=basic" if w == "hydra/launcher=joblib" else w for w in line[3:]]
+        words = [word for word in words if not word.startswith("hydra.launcher.n_jobs")]
+        out = options["stdout"].fileno()
+        return Child(words, Path.cwd(), out, out, options.get("preexec_fn", lambda: None))
 
-        def popen(line: Any, **options: Any) -> Any:
-            ours = list(line[:3]) == [sys.executable, "-m", "ship_trl"]
-            return (cls if ours else real)(line, **options)
-
-        return popen
-
-    def __init__(
-        self,
-        line: Sequence[str],
-        stdout: Any = None,
-        stderr: Any = None,
-        stdin: Any = None,
-        preexec_fn: Callable[[], None] = lambda: None,
-        text: bool = False,
-    ) -> None:
-        # Closed when it has been read.
-        self._err = tempfile.TemporaryFile() if stderr == subprocess.PIPE else None  # noqa: SIM115
-        self.returncode: int | None = None
-        out = os.open(os.devnull, os.O_WRONLY) if stdout == subprocess.DEVNULL else stdout.fileno()
-        self.pid = fork()
-        if self.pid == 0:
-            # One run after another in one process: joblib's processes would import everything anew.
-            words = ["hydra/launcher=basic" if w == "hydra/launcher=joblib" else w for w in line[3:]]
-            words = [word for word in words if not word.startswith("hydra.launcher.n_jobs")]
-            run_and_exit(words, Path.cwd(), (out, self._err.fileno() if self._err else out), preexec_fn)
-
-    def poll(self) -> int | None:
-        """Return its exit code, or None while it runs."""
-        if self.returncode is None:
-            pid, status = os.waitpid(self.pid, os.WNOHANG)
-            if pid:
-                self.returncode = os.waitstatus_to_exitcode(status)
-        return self.returncode
-
-    def wait(self, timeout: float = float("inf")) -> int:
-        """Wait for its end."""
-        end = time.monotonic() + timeout
-        while (code := self.poll()) is None:
-            if time.monotonic() > end:
-                raise subprocess.TimeoutExpired("ship_trl", timeout)
-            time.sleep(0.01)
-        return code
-
-    def communicate(self) -> tuple[str, str]:
-        """Wait for its end, and return what it printed to stderr."""
-        self.wait()
-        return "", read_all(self._err)
-
-    def terminate(self, number: signal.Signals = signal.SIGTERM) -> None:
-        """Ask it to end."""
-        if self.poll() is None:
-            os.kill(self.pid, number)
-
-    def kill(self) -> None:
-        """End it."""
-        self.terminate(signal.SIGKILL)
-
-    def __enter__(self) -> "Forked":
-        return self
-
-    def __exit__(self, *_: object) -> None:
-        self.wait()
+    return start

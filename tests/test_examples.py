@@ -20,7 +20,7 @@ from torchrl.objectives import SoftUpdate
 from ship_trl.cli.evaluate import main
 from ship_trl.learn.double_dqn import DoubleDQN
 from ship_trl.learn.train import train
-from tests.command import ROOT, ship_trl
+from tests.command import ROOT, SMOKE, ship_trl
 from tests.forked import run_script
 from tests.learn.worlds import Corridor, corridor_setup, schedule
 
@@ -46,9 +46,7 @@ MAX_LINES = 80
 def run_with(name: str, *overrides: str, folder: Path, code: int = 0) -> CompletedProcess[str]:
     """Train with the algorithm of an example."""
     build = f"algorithm.build='{ROOT / 'examples' / name}.py:build'"
-    return ship_trl(
-        "target=2", "method=scratch", "profile=smoke", build, *overrides, folder=folder, code=code
-    )
+    return ship_trl(*SMOKE, "target=2", "method=scratch", build, *overrides, folder=folder, code=code)
 
 
 @pytest.mark.parametrize("path", [one for one in EXAMPLES if one.stem not in BUILDERS], ids=lambda p: p.stem)

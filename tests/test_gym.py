@@ -1,10 +1,9 @@
 """Gymnasium: one ship, and many as the vector of single ones."""
 
 import re
-import subprocess
-import sys
 from collections.abc import Callable
 from functools import cache
+from pathlib import Path
 from typing import Any
 
 import gymnasium
@@ -28,7 +27,8 @@ from ship_trl.fast.worlds import make_rasteriser
 from ship_trl.gym import ENV_ID, ShipCollisionEnv, ShipCollisionVectorEnv
 from ship_trl.sim.cases import load_world
 from ship_trl.sim.vector import VectorObservation
-from tests.command import ROOT, environment
+from tests.command import ROOT
+from tests.forked import run_script
 
 KEYS = ("state", "goal", "collision", "least_distance")
 
@@ -186,15 +186,16 @@ def test_returned_arrays_are_not_overwritten() -> None:
     assert not np.array_equal(after["state"], other)
 
 
-def test_the_documents_line_needs_nothing_before_it() -> None:
+def test_the_documents_line_needs_nothing_before_it(tmp_path: Path) -> None:
     text = (ROOT / "docs/library.md").read_text()
     (name,) = re.findall(r"^    (name = .*)$", text, re.MULTILINE)
     (line,) = re.findall(r"^    (envs = gymnasium\.make_vec.*)$", text, re.MULTILINE)
-    code = f"import gymnasium\n{name}\n{line}\nprint(envs.reset()[0].shape, gymnasium.make(name).spec.id)"
-    done = subprocess.run(
-        [sys.executable, "-c", code], env=environment(), capture_output=True, text=True, timeout=300
-    )
-    assert done.stdout.strip() == f"(64, 84, 84, 1) {ENV_ID}", done.stderr
+    # As in a process that has not imported it.
+    before = f"import sys, gymnasium\ndel sys.modules['ship_trl.gym'], gymnasium.registry['{ENV_ID}']"
+    after = "print(envs.reset()[0].shape, gymnasium.make(name).spec.id)"
+    (tmp_path / "lines.py").write_text(f"{before}\n{name}\n{line}\n{after}\n")
+    ended = run_script(tmp_path / "lines.py", folder=tmp_path)
+    assert ended.out.strip() == f"(64, 84, 84, 1) {ENV_ID}", ended
 
 
 @pytest.mark.parametrize(

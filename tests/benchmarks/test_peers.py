@@ -15,6 +15,7 @@ from benchmarks.ours import learn_config, make_ours
 from benchmarks.peers import PEERS, PlainNetwork, TunedLoop, TunedNetwork, make_peer, to_blocks
 from benchmarks.timing import measure
 from ship_trl.config.arm import Arm
+from ship_trl.config.types import BFLOAT16
 
 SHORT = ("learn.replay_size=300", "learn.batch_size=8")
 
@@ -72,9 +73,12 @@ def test_tuned_network_is_the_plain_one() -> None:
         assert torch.allclose(plain(pixels), tuned(to_blocks(pixels[:, 0])), atol=1e-5)
 
 
-@pytest.mark.precision
+@pytest.mark.parametrize("switch", ["on", "off"])
 @pytest.mark.parametrize("arm", ["scratch", "FE3", "FT3"])
-def test_our_arms_learn_all_but_their_frozen_layers(arm: str) -> None:
+def test_our_arms_learn_all_but_their_frozen_layers(
+    arm: str, switch: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setenv(BFLOAT16, switch)
     ours = make_ours(arm, "learn.warmup_steps=16", *SHORT)
     before = copy.deepcopy(ours.algorithm.online_network)
     ours.train(24)

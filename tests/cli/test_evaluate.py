@@ -10,18 +10,13 @@ from PIL import Image
 
 from ship_trl.cli.evaluate import main
 from ship_trl.run.scores import HEADINGS
-from tests.command import refused, ship_trl
-
-LINE = [
-    *("target=2", "method=scratch", "profile=smoke", "learn.episodes=3", "learn.warmup_steps=30"),
-    "learn.jumpstart_draws=0",
-]
+from tests.command import SMOKE, refused, ship_trl
 
 
 @pytest.fixture(scope="module")
 def trained(tmp_path_factory: pytest.TempPathFactory) -> Path:
     folder = tmp_path_factory.mktemp("evaluate")
-    ship_trl(*LINE, "output=runs", folder=folder)
+    ship_trl(*SMOKE, "target=2", "method=scratch", "output=runs", folder=folder)
     return folder / "runs"
 
 

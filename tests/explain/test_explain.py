@@ -14,17 +14,10 @@ from ship_trl.config.network import load_network
 from ship_trl.explain.networks import Origin, find_origin, make_untrained
 from ship_trl.learn.network import DuelingNetwork, make_network
 from ship_trl.transfer.weights import save_weights
-from tests.command import refused, ship_trl
+from tests.command import SMOKE, refused, ship_trl
 
 # The paper's layers with few filters, so that a page takes seconds.
 SMALL = "conv: [[8, 8, 4], [8, 4, 2], [8, 3, 1], [20, 7, 1]]\nhidden: 20\n"
-SMOKE = (
-    "profile=smoke",
-    "learn.episodes=3",
-    "learn.warmup_steps=30",
-    "learn.jumpstart_draws=0",
-    "output=runs",
-)
 RUN, SOURCE = Path("runs/high/FE2/seed=0"), Path("runs/1/scratch/seed=0")
 FIGURES = {"probes", "change", "erased", "saliency"}
 TABLES = {"probes", "cka", "erased"}
@@ -36,7 +29,7 @@ def trained(tmp_path_factory: pytest.TempPathFactory) -> Path:
     (folder / "own" / "network").mkdir(parents=True)
     (folder / "own" / "network" / "small.yaml").write_text(SMALL)
     line = ("--config-dir", "own", "network=small", "+pair=high", "method=feature_extraction", "layers=2")
-    ship_trl(*line, *SMOKE, folder=folder)
+    ship_trl(*line, *SMOKE, "output=runs", folder=folder)
     return folder
 
 

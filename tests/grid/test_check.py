@@ -5,11 +5,11 @@ from pathlib import Path
 
 import pytest
 
-from tests.command import ship_trl
+from tests.command import SMOKE, ship_trl
 
 # In one process, which imports torch only once.
 BASIC = "hydra/launcher=basic"
-SCRATCH = ("-m", "profile=smoke", "target=1", "method=scratch")
+SCRATCH = ("-m", *SMOKE, "target=1", "method=scratch")
 
 
 @pytest.mark.parametrize(

@@ -12,7 +12,7 @@ from ship_trl.files.record import read_run
 from ship_trl.grid.callback import objective
 from ship_trl.run.plan import Run, make_run
 from tests.a_result import a_result, an_evaluation
-from tests.command import ship_trl
+from tests.command import SMOKE, ship_trl
 from tests.config.test_config import composed
 
 LINES = """\
@@ -53,13 +53,7 @@ def test_a_damaged_curve_is_refused_if_the_objective_needs_it(tmp_path: Path) ->
 
 
 def test_a_sweep_keeps_its_trials_apart_and_finds_the_best(tmp_path: Path) -> None:
-    small = (
-        "profile=smoke",
-        "learn.warmup_steps=30",
-        "learn.jumpstart_draws=0",
-        "target=1",
-        "method=scratch",
-    )
+    small = (*SMOKE, "target=1", "method=scratch")
     line = ("+sweep=learning_rate", "hydra.sweeper.n_trials=2", "hydra/launcher=basic", *small)
     said = ship_trl(*line, folder=tmp_path).stdout
     assert said.count("case 1, scratch, seed 0: best") == 2
@@ -67,7 +61,7 @@ def test_a_sweep_keeps_its_trials_apart_and_finds_the_best(tmp_path: Path) -> No
     values, rates = [], []
     for trial in range(2):
         folder = place / f"trial={trial}/1/scratch/seed=0"
-        assert read_run(folder).episodes == 6
+        assert read_run(folder).episodes == 3
         _, greedy = split(read_curve(folder))
         values.append(greedy["return"].iloc[-1])  # the only one after exploration
         rates.append(yaml.safe_load((folder / "config.yaml").read_text())["learn"]["lr"])
@@ -81,7 +75,7 @@ def test_a_sweep_keeps_its_trials_apart_and_finds_the_best(tmp_path: Path) -> No
     # The same command tries the same values, and finds the finished trials.
     assert ship_trl(*line, folder=tmp_path).stdout.count("is already finished") == 2
     # Other settings in the same folder are refused in one line.
-    other = (*line, "learn.episodes=5")
+    other = (*line, "learn.gamma=0.5")
     refused = ship_trl(*other, folder=tmp_path, code=1).stderr
     assert f"ship_trl: output: {place.relative_to(tmp_path)}/trial=0/1/scratch/seed=0 holds a fin" in refused
     assert "Traceback" not in refused

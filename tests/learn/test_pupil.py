@@ -81,13 +81,13 @@ def test_it_learns_from_mirror_images_too() -> None:
 
 
 def test_a_checkpoint_goes_on_with_the_same_bits() -> None:
-    learn, method = schedule(**LEARN), Freezing(2, until=0.5)
-    whole = Training(Corridor(3), Corridor(1), make(method=method), learn)
+    learn, method = schedule(**LEARN | {"episodes": 14}), Freezing(2, until=0.5)
+    whole = Training(Corridor(3), Corridor(1), make(method=method, episodes=14), learn)
     # Layers thaw later.
-    while whole.episode < 10:
+    while whole.episode < 5:
         list(whole.advance())
     state = {key: value.clone() for key, value in whole.state_dict().items()}
-    again = Training(Corridor(3), Corridor(1), make(seed=5, method=method), learn)
+    again = Training(Corridor(3), Corridor(1), make(seed=5, method=method, episodes=14), learn)
     again.load_state_dict(state)
     while not whole.is_finished:
         found = [[e for e in one.advance() if isinstance(e, Finished)] for one in (whole, again)]

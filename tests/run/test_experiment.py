@@ -14,7 +14,7 @@ from ship_trl.run import experiment
 from ship_trl.run.experiment import find_source, run_experiment, scratch_returns
 from ship_trl.run.plan import Run, TakenError, find_result, make_run
 from tests.a_result import a_result
-from tests.command import ship_trl
+from tests.command import SMOKE, ship_trl
 from tests.config.test_config import composed
 
 
@@ -79,9 +79,6 @@ def test_a_perturbed_run_has_no_best_known_return_and_evaluates_alike(
     assert "best known" not in capsys.readouterr().out
 
 
-SMOKE = ("profile=smoke", "learn.episodes=3", "learn.warmup_steps=30", "learn.jumpstart_draws=0")
-
-
 def planned(*words: str) -> Run:
     return make_run(composed(*words))
 
@@ -108,7 +105,7 @@ def test_an_own_scratch_run_is_drawn_beside_a_transfer(tmp_path: Path) -> None:
     curve = split(read_curve(path))[0]
     assert found is not None and found.tolist() == [curve["return"].tolist()]
     assert scratch_returns(planned(*line, "output=elsewhere")) is None
-    told = ship_trl(*line, "output=runs", "seed=1", folder=tmp_path)
+    told = ship_trl(*line, "output=runs", "seed=1", folder=tmp_path, pictures=True)
     picture = tmp_path / "runs" / "high" / "FT3" / "seed=1" / "transfer.png"
     assert "beside learning from scratch: runs/high/FT3/seed=1/transfer.png" in told.stdout
     with Image.open(picture) as drawn:

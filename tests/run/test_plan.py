@@ -76,10 +76,10 @@ def test_no_two_streams_are_the_same() -> None:
     runs = [
         make_run(dataclasses.replace(config, seed=seed))
         for config in (composed(*line.split()) for line in lines)
-        for seed in range(15)
+        for seed in range(5)
     ]
     seeds = [r.stream(purpose) for r in runs for purpose in ("weights", "exploration", "replay")]
-    assert len(set(seeds)) == len(seeds) == 135
+    assert len(set(seeds)) == len(seeds) == 45
     assert all(0 <= seed < 2**63 for seed in seeds)
 
 

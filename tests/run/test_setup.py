@@ -43,7 +43,7 @@ from ship_trl.sim.env import ShipEnv
 from ship_trl.sim.state import initial_state
 from ship_trl.transfer.casebase import POLICY
 from ship_trl.transfer.weights import read_look, save_weights
-from tests.command import files
+from tests.command import SMOKE, files
 from tests.config.test_config import composed
 from tests.learn.worlds import fast_setup
 
@@ -100,7 +100,7 @@ def test_a_source_of_other_actions_is_refused_where_its_q_values_are_needed(arm:
         read(arm, tmp_path)
 
 
-LINE = ("profile=smoke", "+pair=high", "+arm=FT3", "learn.jumpstart_draws=1")
+LINE = (*SMOKE, "+pair=high", "+arm=FT3")
 
 
 def planned(*words: str) -> Run:
@@ -138,7 +138,7 @@ def test_what_is_learned_has_the_same_bits_without_it(
         assert kept[name] == left[name]
     curve, without = (pd.read_csv(one.folder / CURVE) for one in (run, other))
     assert curve.drop(columns="source_return").equals(without.drop(columns="source_return"))
-    assert without["source_return"].isna().all() and curve["source_return"].notna().sum() == 3
+    assert without["source_return"].isna().all() and curve["source_return"].notna().sum() == 2
     assert read_run(other.folder).on_source is None and run.config_hash == other.config_hash
     measured, source = curve["source_return"].dropna(), result.on_source
     assert source is not None and read_run(run.folder) == result

@@ -26,7 +26,7 @@ from tests.config.test_config import composed
 
 LINE = (
     *("profile=smoke", "learn.episodes=9", "learn.replay_size=150", "learn.jumpstart_draws=1"),
-    *("checkpoint.every=0", "checkpoint.seconds=0"),
+    *("learn.batch_size=8", "checkpoint.every=0", "checkpoint.seconds=0"),
 )
 SCRATCH = ("target=4", "method=scratch")
 

@@ -41,7 +41,7 @@ def test_sources_have_seeds_of_their_own_and_are_trained_first() -> None:
 
 
 def test_last_networks_are_tested_on_scenes_that_they_did_not_see(tmp_path: Path) -> None:
-    setting = replace(SETTINGS["numbers"], source_length=960, target_length=960)
+    setting = replace(SETTINGS["numbers"], source_length=480, target_length=480)
     seed = FIRST_SOURCE
     (source,) = train([Task("3", "", "scratch", seed, True)], setting, tmp_path)
     shutil.copy(tmp_path / f"3-{seed}.safetensors", tmp_path / f"traffic-{seed}.safetensors")

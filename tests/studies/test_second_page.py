@@ -17,6 +17,7 @@ KEPT = ROOT / "outputs/questions"
 PAGE = ROOT / "studies/second/README.md"
 
 
+@pytest.mark.long
 def test_one_command_gives_the_pages_tables(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:

@@ -4,16 +4,19 @@ import subprocess
 from collections.abc import Iterator
 from pathlib import Path
 
-from tests.command import files, ship_trl
+from tests.command import SMOKE, files, ship_trl
 
-SMALL = ("profile=smoke", "pairs=[high]", "arms=[scratch,FTW]", "reuse=false", "controls=false", "retries=1")
+SMALL = (
+    *("profile=smoke", "pairs=[high]", "arms=[scratch,FTW]", "reuse=false", "controls=false", "retries=1"),
+    f"overrides=[{','.join(SMOKE[1:])}]",
+)
 
 
 def study(
-    *overrides: str, folder: Path, code: int = 0, new_process: bool = False
+    *overrides: str, folder: Path, code: int = 0, pictures: bool = False
 ) -> subprocess.CompletedProcess[str]:
     """Run `python -m ship_trl study run ...` in `folder`, and check its exit code."""
-    return ship_trl(*overrides, folder=folder, verb="study run", code=code, new_process=new_process)
+    return ship_trl(*overrides, folder=folder, verb="study run", code=code, pictures=pictures)
 
 
 def learned(folder: Path) -> dict[str, bytes]:

@@ -10,7 +10,7 @@ import pytest
 
 from ship_trl.study.launch import last_episode
 from tests.command import files
-from tests.forked import Child
+from tests.forked import Running
 from tests.study.commands import SMALL, learned, study
 
 
@@ -34,13 +34,13 @@ def test_started_again_it_trains_nothing(whole: Path) -> None:
 
 @pytest.mark.long
 def test_killed_and_started_again_it_ends_alike(whole: Path, tmp_path: Path) -> None:
-    child = Child(("study", "run", *SMALL), tmp_path)
+    running = Running(("study", "run", *SMALL), tmp_path)
     # While it trains, anywhere: the time is not important, and printed if it ever is.
     while not list(tmp_path.rglob("curve.csv")):
-        assert child.wait(0.1) is None
+        time.sleep(0.1)
+        assert running.child.poll() is None
     after = random.uniform(0, 10)
-    if child.wait(after) is None:
-        child.kill()
+    running.finish(after)
     study(*SMALL, folder=tmp_path)
     assert learned(tmp_path) == learned(whole), f"killed after {after} s"
 

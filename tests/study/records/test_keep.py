@@ -9,6 +9,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from ship_trl.study.report import write
 from ship_trl.study.study import read_study
 from tests.command import files, keep, report
 from tests.study.commands import SMALL, learned, study
@@ -80,7 +81,10 @@ def test_what_is_not_whole_is_left_out_of_a_copy(whole_study: Path, tmp_path: Pa
     assert {key[3] for key in read_study(tmp_path / "again").records} == {0}
 
 
-def test_the_report_of_a_copy_is_that_of_the_study(whole_study: Path, copy: Path) -> None:
+def test_the_report_of_a_copy_is_that_of_the_study(
+    whole_study: Path, copy: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(write, "drawings", lambda _: {})
     for folder in (whole_study, copy):
         report([str(folder)])
     before, after = (files(folder / "report") for folder in (whole_study, copy))

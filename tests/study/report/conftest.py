@@ -10,6 +10,7 @@ from pathlib import Path
 
 import pytest
 
+from ship_trl.study.report import write
 from tests.command import report as main
 from tests.study.synthetic import write_study
 
@@ -80,4 +81,9 @@ def odd(tmp_path_factory: pytest.TempPathFactory) -> Reported:
     (folder / "report").mkdir()
     for name in [*GONE, *STAYING]:
         (folder / "report" / name).touch()
-    return report(folder)
+    drawings = write.drawings
+    with pytest.MonkeyPatch.context() as patch:  # each takes a second
+        patch.setattr(
+            write, "drawings", lambda study: {key: drawings(study)[key] for key in ("pair_high", "times")}
+        )
+        return report(folder)

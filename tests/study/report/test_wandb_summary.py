@@ -29,7 +29,7 @@ def records(run: Path) -> list[dict[str, Any]]:
 
 @pytest.mark.long
 def test_a_study_is_one_project_with_a_summary_run(tmp_path: Path) -> None:
-    study(*SMALL, "arms=[FTW]", "logger=wandb", "wandb.project=mine", folder=tmp_path)
+    study(*SMALL, "arms=[FTW]", "logger=wandb", "wandb.project=mine", folder=tmp_path, pictures=True)
     place = tmp_path / "outputs/smoke_study"
     runs = {}
     for path in (place / "wandb").glob("offline-run-*"):

@@ -49,7 +49,8 @@ class ChannelsLastAdam(torch.optim.Optimizer):
                 [in_memory_order(one, p) for one in (p, p.grad, state["exp_avg"], state["exp_avg_sq"])]
                 for p, state in zip(learning, states, strict=True)
             )
-            torch._fused_adam_(
+            fused_adam: Any = torch._fused_adam_
+            fused_adam(
                 *map(list, zip(*rows, strict=True)),
                 [],
                 steps,

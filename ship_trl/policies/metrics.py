@@ -181,8 +181,6 @@ class Scores(NamedTuple):
         encounter: classes at the onset, int64 [N, K]; `NONE` without an onset.
         onset: step of the onset, int64 [N, K]; -1 without one.
         manoeuvre: step at which the manoeuvre after it is chosen, int64 [N, K]; -1 without one.
-        turn: largest change of course after the onset (degrees), starboard positive, [N, K].
-        safety: equation 2, [N, K]; NaN without an onset.
         rules: scores from 0 to 1 by `config.bounds.RULES`, [N, K, 6]; NaN where a rule does not apply.
             Head-on 8 and 14, give way 8, 15 and 16, overtaking 8, 13 and 16, stand on and overtaken 17.
     """
@@ -190,8 +188,6 @@ class Scores(NamedTuple):
     encounter: Tensor
     onset: Tensor
     manoeuvre: Tensor
-    turn: Tensor
-    safety: Tensor
     rules: Tensor
 
 
@@ -229,8 +225,7 @@ def score_rules(states: Tensor, last: Tensor, world: World, head_on: float = HEA
     reaction = round(REACTION / world.dt)
     end = torch.where(manoeuvre < 0, cpa, torch.maximum(cpa, manoeuvre + reaction))
     during = (time >= onset[:, None]) & (time <= torch.minimum(end, last)[:, None])
-    turn = at(turns, (turns.abs() * during).argmax(1))
-    turned = ramp(turn.abs(), TURN)
+    turned = ramp((turns.abs() * during).amax(1), TURN)
     apparent = (turned + ramp((changes * during).amax(1), SPEED_CHANGE)) / 2
     entry = at(motion.distance, onset).clamp(max=STAGE3)
     begun = at(motion.distance, manoeuvre.clamp(min=0))
@@ -256,8 +251,6 @@ def score_rules(states: Tensor, last: Tensor, world: World, head_on: float = HEA
         kind,
         begins,
         manoeuvre,
-        turn * has_onset,
-        safety.masked_fill(~has_onset, math.nan),
         scores.masked_fill(~torch.stack(applies, -1), math.nan),
     )
 

@@ -221,7 +221,7 @@ class ShipCollisionVectorEnv(gymnasium.vector.VectorEnv[Observations, NDArray[np
 
     def _advance(self, given: NDArray[Any]) -> tuple[NDArray[np.float32], Flags]:
         """Advance by a step; return raw rewards [N], and goal, collision and truncated [3, N]."""
-        count, last = self.num_envs, int(self.single_action_space.n) - 1
+        count, last = self.num_envs, len(self.world.actions) - 1
         if given.shape != (count,) or given.dtype.kind not in "iu":
             got = f"of shape {(count,)}, got {given.dtype} {given.shape}"
             raise ValueError(f"actions: must be whole numbers from 0 to {last} {got}")

@@ -240,12 +240,12 @@ def score_rules(states: Tensor, last: Tensor, world: World, head_on: float = HEA
     rule13 = rule16 - 0.3 * (aspect.abs() < 45)
     rule15 = rule16 - 0.5 * ((aspect > -25) & (aspect < 165))
     rule17 = safety * (1 - _stand_on_penalty(motion, heading, turns, changes, during))
-    head_on, crosses, overtakes = (
+    meets, crosses, overtakes = (
         kind == one for one in (Encounter.HEAD_ON, Encounter.GIVE_WAY, Encounter.OVERTAKING)
     )
     stands_on = (kind == Encounter.STAND_ON) | (kind == Encounter.OVERTAKEN)
     gives_way = crosses | overtakes
-    applies = (head_on | gives_way, overtakes, head_on, crosses, gives_way, stands_on)
+    applies = (meets | gives_way, overtakes, meets, crosses, gives_way, stands_on)
     scores = torch.stack((rule8, rule13, rule14, rule15, rule16, rule17), -1).clamp(min=0.0)
     return Scores(
         kind,

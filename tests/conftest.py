@@ -23,6 +23,19 @@ settings.register_profile("steady", deadline=None, derandomize=True, max_example
 settings.load_profile("steady")
 
 
+# They take longest and begin first, or a worker would wait for another one at the end.
+LONGEST = (
+    *("cli/test_errors.py", "studies/paper/test_claims.py", "study/test_study.py", "run/test_training.py"),
+    *("faults/test_faults.py", "benchmarks/test_peers.py", "sim/test_invariants.py", "run/test_setup.py"),
+)
+
+
+def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
+    """Bring the longest files to the front, in their order."""
+    paths = [Path(__file__).parent / name for name in LONGEST]
+    items.sort(key=lambda item: paths.index(item.path) if item.path in paths else len(paths))
+
+
 def pytest_collection_finish() -> None:
     """Leave what has been imported out of every later search for garbage; each run makes one."""
     # Hypothesis looks for what holds its generator, and would not find what is left out: it makes it now.

@@ -104,20 +104,15 @@ def test_a_control_copies_and_freezes_random_or_permuted_weights(weights: str, t
 
 
 def test_a_grid_runs_every_job_and_tells_which_was_refused(trained: Path) -> None:
-    # Of other settings, so that its folder is taken.
-    taken = trained / "outputs/smoke/1/scratch/seed=3"
-    scratch = (*SMOKE, "target=1", "method=scratch")
-    ship_trl(*scratch, "seed=3", "learn.gamma=0.5", folder=trained)
+    # Trained with other settings, so that its folder is taken.
+    taken = trained / "outputs/smoke/1/scratch/seed=0"
     before = files(taken)
     # In this process, which has imported torch.
-    grid = ("-m", "hydra.launcher.n_jobs=1", *scratch, "seed=1,3,2")
-    done = ship_trl(*grid, folder=trained, code=1)
-    assert "seed=3 holds a finished run of other settings" in done.stderr
+    grid = ("-m", "hydra.launcher.n_jobs=1", *SMOKE, "target=1", "method=scratch", "learn.gamma=0.5")
+    done = ship_trl(*grid, "seed=0,1", folder=trained, code=1)
+    assert "seed=0 holds a finished run of other settings" in done.stderr
     assert "Traceback" not in done.stderr and files(taken) == before
-    for seed in (1, 2):
-        assert (trained / f"outputs/smoke/1/scratch/seed={seed}/result.json").is_file()
-    curves = [(trained / f"outputs/smoke/1/scratch/seed={seed}/curve.csv").read_bytes() for seed in (0, 1, 2)]
-    assert len(set(curves)) == 3
+    assert (trained / "outputs/smoke/1/scratch/seed=1/result.json").is_file()
 
 
 @pytest.mark.long

@@ -4,8 +4,9 @@ from pathlib import Path
 
 import pytest
 
-from ship_trl.cli.play import main
-from tests.command import refused
+from tests.command import ship_trl
+
+SCREENS = ("DISPLAY", "WAYLAND_DISPLAY", "SDL_VIDEODRIVER")
 
 
 @pytest.mark.parametrize(
@@ -17,14 +18,8 @@ from tests.command import refused
         ([], "no screen (neither DISPLAY nor WAYLAND_DISPLAY is set); python -m ship_trl evaluate"),
     ],
 )
-def test_wrong_input_is_refused_in_one_line(
-    words: list[str],
-    told: str,
-    tmp_path: Path,
-    monkeypatch: pytest.MonkeyPatch,
-    capsys: pytest.CaptureFixture[str],
-) -> None:
-    for name in ("DISPLAY", "WAYLAND_DISPLAY", "SDL_VIDEODRIVER"):
-        monkeypatch.delenv(name, raising=False)
-    assert refused(capsys, main, *words).startswith(f"ship_trl: {told}")
+def test_wrong_input_is_refused_in_one_line(words: list[str], told: str, tmp_path: Path) -> None:
+    first = f"import os\nfor name in {SCREENS}: os.environ.pop(name, None)"
+    done = ship_trl(*words, folder=tmp_path, verb="play", code=1, first=first)
+    assert done.stderr.startswith(f"ship_trl: {told}") and done.stderr.count("\n") == 1
     assert not list(tmp_path.iterdir())

@@ -48,17 +48,3 @@ def full_at(step: int) -> Callable[[], None]:
             raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC), path)
 
     return lambda: before_changes(act)
-
-
-def counted(counter: Path) -> Callable[[], None]:
-    """Write a dot to a file outside the child's folder at each step."""
-
-    def install() -> None:
-        handle = os.open(counter, os.O_WRONLY | os.O_CREAT)
-
-        def act(number: int, event: str, path: str) -> None:
-            os.write(handle, b".")
-
-        before_changes(act)
-
-    return install

@@ -26,7 +26,7 @@ settings.load_profile("steady")
 # They take longest and begin first, or a worker would wait for another one at the end.
 LONGEST = (
     *("cli/test_errors.py", "studies/paper/test_claims.py", "study/test_study.py", "run/test_training.py"),
-    *("faults/test_faults.py", "benchmarks/test_peers.py", "sim/test_invariants.py", "run/test_setup.py"),
+    *("test_faults.py", "benchmarks/test_peers.py", "sim/test_invariants.py", "run/test_setup.py"),
 )
 
 

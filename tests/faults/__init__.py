@@ -1,1 +1,0 @@
-"""Make faults on purpose and check what survives."""

@@ -17,6 +17,7 @@ from itertools import product
 from pathlib import Path
 from typing import Annotated, Any
 
+import matplotlib
 import numpy as np
 import pandas as pd
 import torch
@@ -44,7 +45,7 @@ from ship_trl.run.process import configure_process, processor_name
 from ship_trl.sim.cases import load_suite, load_world
 from ship_trl.sim.env import ShipEnv
 from ship_trl.sim.vector import VectorObservation
-from ship_trl.view.style import CHART_DASHES, CHART_SERIES, MUTED, save_figure, tidy
+from ship_trl.view.style import CHART, CHART_DASHES, CHART_SERIES, MUTED, save_figure
 
 # Minutes of a training, and between two evaluations.
 TEST_SUITE, MINUTES, EVERY = "traffic_test", 10.0, 0.5
@@ -158,9 +159,10 @@ def train_ours(seed: int, record: Record) -> None:
             pass
 
 
+@matplotlib.rc_context(CHART)
 def draw(path: Path, curves: Sequence[Curve]) -> None:
     """Write a PNG of success over minutes, 1200 x 750: a colour a learner, a dash a seed."""
-    figure = Figure(figsize=(12, 7.5), dpi=100, layout="constrained")
+    figure = Figure(figsize=(12, 7.5), dpi=100)
     axes = figure.subplots()
     learners, seeds = ([*dict.fromkeys(getattr(one, key) for one in curves)] for key in ("learner", "seed"))
     for curve in curves:
@@ -172,9 +174,8 @@ def draw(path: Path, curves: Sequence[Curve]) -> None:
         axes.axhline(goal, color=MUTED, linewidth=1, linestyle=":")
     axes.set(ylim=(-0.02, 1.02), xlabel="minutes of one core", ylabel=f"share of {TEST_SUITE} solved")
     axes.set_title("Learning to avoid random encounters, seen as numbers", fontsize=15, loc="left")
-    tidy(axes)
     axes.margins(x=0.01)
-    axes.legend(loc="lower right", fontsize=12, frameon=False, handlelength=3)
+    axes.legend(loc="lower right", fontsize=12, handlelength=3)
     save_figure(figure, path)
 
 

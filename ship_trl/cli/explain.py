@@ -49,13 +49,9 @@ def choose_entries(words: list[str], colour: bool) -> list[Entry]:
         ConfigError: there is no network, or they differ in case, world or colours.
     """
     entries = drop_last_networks(find_entries(words, colour))
-    first = entries[0]
-    for other in entries[1:]:
-        if other.suite.case.fingerprint != first.suite.case.fingerprint:
-            raise ConfigError(
-                f"target: {first.label} is for case {first.suite.case.name}, and {other.label} is for case "
-                f"{other.suite.case.name}; allowed: one, given as target=CASE"
-            )
-        if other.world != first.world or other.colour != first.colour:
-            raise ConfigError(f"policy: {first.label} and {other.label} differ in world or colours")
+    seen = [(one.suite.case.fingerprint, one.world, one.colour) for one in entries]
+    for other, here in zip(entries, seen, strict=True):
+        if here != seen[0]:
+            names = " and ".join(f"{one.label} (case {one.suite.case.name})" for one in (entries[0], other))
+            raise ConfigError(f"policy: {names} differ in case, world or colours; allowed: one target=CASE")
     return entries

@@ -13,9 +13,17 @@ import torch
 from numpy.typing import NDArray
 from torch import Tensor
 
-from ship_trl.explain.cka import estimate, gram
+from ship_trl.explain.encoding import (
+    UNKNOWN,
+    Probe,
+    estimate_cka,
+    fit_probe,
+    gram,
+    interval,
+    resamples,
+    state_mean,
+)
 from ship_trl.explain.networks import Compared, Role
-from ship_trl.explain.probes import UNKNOWN, Probe, fit_probe, interval, resamples, state_mean
 from ship_trl.explain.saliency import Erased, greedy_actions
 from ship_trl.explain.states import Floats, StateSet
 from ship_trl.study.statistics import Estimate
@@ -84,35 +92,36 @@ def measure(
     layers = (*networks[0].network.layer_names, "shared")
     held_out = np.flatnonzero(states.held_out)
     kernels: dict[tuple[str, str], Floats] = {}
-    probes = {(PIXELS, PIXELS): fit_probes(gram(states.pixels), states, seed)}
+    probes: dict[tuple[str, str], Probes] = {}
+
+    def fit(name: str, layer: str, values: Tensor) -> None:
+        kernel = gram(values)
+        # Every layer and network has the same shuffled labels.
+        probes[name, layer] = {
+            quantity.name: fit_probe(kernel, quantity, states, np.random.default_rng([seed, k]))
+            for k, quantity in enumerate(states.quantities)
+        }
+        kernels[name, layer] = kernel[np.ix_(held_out, held_out)]
+
+    fit(PIXELS, PIXELS, states.pixels)
     for count, one in enumerate(networks, 1):
         with torch.no_grad():
             activations = one.network.activations(states.pixels)
         for layer, values in activations.items():
-            kernel = gram(values)
-            probes[one.name, layer] = fit_probes(kernel, states, seed)
-            kernels[one.name, layer] = kernel[np.ix_(held_out, held_out)]
+            fit(one.name, layer, values)
         log(f"probes {count} of {len(networks)}: {one.name}")
     cka: list[Row] = []
     for a, b in itertools.combinations(networks, 2):
         alike = a.settings is not None and a.settings == b.settings
         names = {"first": a.name, "first_role": a.role, "second": b.name, "second_role": b.role}
         for layer in layers:
-            found = estimate(kernels[a.name, layer], kernels[b.name, layer], states.episode[held_out])
+            found = estimate_cka(kernels[a.name, layer], kernels[b.name, layer], states.episode[held_out])
             cka.append({**names, "layer": layer, "alike": alike, **found.cells("cka", "_")})
     log(f"CKA of {len(networks)} networks")
     probe_rows = judge_probes(networks, layers, probes, seed)
     erased_rows = measure_erased(networks, states, erased, seed)
     log("things erased")
     return Measured(networks, layers, *map(pd.DataFrame, (probe_rows, cka, erased_rows)))
-
-
-def fit_probes(kernel: Floats, states: StateSet, seed: int) -> Probes:
-    """Fit a probe of each quantity; every layer and network has the same shuffled labels."""
-    return {
-        quantity.name: fit_probe(kernel, quantity, states, np.random.default_rng([seed, k]))
-        for k, quantity in enumerate(states.quantities)
-    }
 
 
 def judge_probes(
@@ -129,14 +138,16 @@ def judge_probes(
         counts = resamples(len(pixels.errors), np.random.default_rng([seed, 102]))
         for network, role, layer in [(PIXELS, PIXELS, PIXELS), *cells]:
             probe = probes[network, layer][quantity]
+            others = () if role in (PIXELS, Role.untrained) else untrained
+            controls = {
+                "over_pixels": [pixels] if role != PIXELS else [],
+                "over_untrained": [probes[name, layer][quantity] for name in others],
+            }
             row: Row = {"network": network, "role": role, "layer": layer, "quantity": quantity}
             row |= interval(probe.r2, probe.resampled_r2(counts)).cells("r2", "_")
             row |= {"checked_r2": probe.validation_r2, "shuffled_r2": probe.shuffled_r2}
-            controls = [] if role == PIXELS else [pixels]
-            row |= difference(probe, controls, counts).cells("over_pixels", "_")
-            is_control = role in (PIXELS, Role.untrained)
-            controls = [] if is_control else [probes[name, layer][quantity] for name in untrained]
-            row |= difference(probe, controls, counts).cells("over_untrained", "_")
+            for name, ones in controls.items():
+                row |= difference(probe, ones, counts).cells(name, "_")
             rows.append(row)
     return rows
 

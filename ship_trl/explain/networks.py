@@ -8,11 +8,10 @@ from dataclasses import dataclass
 from enum import StrEnum
 from pathlib import Path
 
-from omegaconf.errors import OmegaConfBaseException
 from torch import Generator
 from yaml import YAMLError
 
-from ship_trl.config.errors import ConfigError, print_error
+from ship_trl.config.errors import ConfigError, one_line, print_error
 from ship_trl.config.schema import read_as
 from ship_trl.config.types import Config
 from ship_trl.fast.worlds import make_env
@@ -71,10 +70,14 @@ def load_networks(entries: list[Entry]) -> list[Compared]:
     """Load the networks of the command line; the first is the explained one.
 
     Raises:
-        ConfigError: a policy has no network, or two networks differ in layers, observations or actions.
+        ConfigError: a policy has no network or is there twice, or two networks differ in layers, observations
+            or actions.
     """
+    paths, labels = [one.policy for one in entries], [one.label.removesuffix(", best") for one in entries]
     found: list[Compared] = []
-    for entry, name in zip(entries, name_entries(entries), strict=True):
+    for entry, name in zip(entries, labels if len(set(labels)) == len(labels) else paths, strict=True):
+        if paths.count(entry.policy) > 1:
+            raise ConfigError(f"policy: {entry.policy} is given twice; allowed: each network once")
         env = make_env(entry.suite.case, entry.world, 1, colour=entry.colour)
         _, network = load_with_network(entry.policy, env)
         if network.config.linear:
@@ -84,8 +87,8 @@ def load_networks(entries: list[Entry]) -> list[Compared]:
                 f"policy: {entry.policy} adds the Q-values of its source (method=q_reuse); "
                 "allowed: networks of other methods"
             )
-        look = network.config, network.colour
-        if found and look != (found[0].network.config, found[0].network.colour):
+        first = found[0].network if found else network
+        if (network.config, network.colour) != (first.config, first.colour):
             raise ConfigError(
                 f"policy: {entry.policy} has other layers than {entries[0].policy}; "
                 "allowed: networks with the same layers, colours and vector_time"
@@ -105,20 +108,6 @@ def result_of(entry: Entry) -> RunRecord | None:
         return None
 
 
-def name_entries(entries: list[Entry]) -> list[str]:
-    """Return the labels of the entries, or their paths if two labels are the same.
-
-    Raises:
-        ConfigError: two paths are the same.
-    """
-    labels = [entry.label.removesuffix(", best") for entry in entries]
-    paths = [entry.policy for entry in entries]
-    for path in paths:
-        if paths.count(path) > 1:
-            raise ConfigError(f"policy: {path} is given twice")
-    return labels if len(set(labels)) == len(labels) else paths
-
-
 def find_origin(entry: Entry, name: str) -> Origin:
     """Find the source of a network, and draw the network before training from the seed of its run.
 
@@ -127,9 +116,9 @@ def find_origin(entry: Entry, name: str) -> Origin:
     result, folder = result_of(entry), Path(entry.policy).parent
     if result is None:
         return Origin()
-    left_out = f"{name}: the network before training is left out"
+    left_out, path = f"{name}: the network before training is left out", folder / CONFIG
     try:
-        config = read_config(folder / CONFIG)
+        config = read_as(Config, read_yaml(path), f"{path}: ")
         given = result.source_network
         pretrained = find(given, None) if given is not None and is_pretrained(given) else None
         if given is not None and given != "random" and pretrained is None:
@@ -139,8 +128,7 @@ def find_origin(entry: Entry, name: str) -> Origin:
         run = Run(config, suite, None, folder, result.config_hash, pretrained)
         # The same weights as make_parts draws.
         weights = Generator().manual_seed(run.stream("weights"))
-        actions = len(entry.world.actions)
-        before = make_network(config.network, actions, weights, colour=entry.colour)
+        before = make_network(config.network, len(entry.world.actions), weights, colour=entry.colour)
         found, source = read_source(run), None
         if found is not None:
             source = copy.deepcopy(before)
@@ -149,8 +137,8 @@ def find_origin(entry: Entry, name: str) -> Origin:
         starts = Generator().manual_seed(0)
         env = make_env(suite, entry.world, 1, colour=entry.colour, generator=starts)
         reached = rollout(env, greedy_policy(before, env.observer(config.network)))[0].episode_return
-    except ConfigError as error:
-        print_error(f"{left_out}: {error}")
+    except (ConfigError, OSError, ValueError, YAMLError) as error:
+        print_error(f"{left_out}: {one_line(str(error))}")
         return Origin(result)
     expected = result.before.episode_return
     if not abs(reached - expected) < SHOWN:
@@ -159,19 +147,6 @@ def find_origin(entry: Entry, name: str) -> Origin:
     shown = (*before.layer_names, "shared")
     copied = [name for name in run.arm.copied(before.all_layers, before.layer_names) if name in shown]
     return Origin(result, source, before, tuple(copied))
-
-
-def read_config(path: Path) -> Config:
-    """Read the configuration of a run.
-
-    Raises:
-        ConfigError: the file is missing, damaged or incomplete.
-    """
-    try:
-        values = read_yaml(path)
-    except (OSError, ValueError, TypeError, OmegaConfBaseException, YAMLError) as error:
-        raise ConfigError(f"{path} is not a configuration: {' '.join(str(error).split())}") from None
-    return read_as(Config, values, f"{path}: ")
 
 
 def make_untrained(like: DuelingNetwork, generator: Generator) -> DuelingNetwork:

@@ -14,6 +14,7 @@ from pathlib import Path
 from typing import Any
 
 import jinja2
+import matplotlib
 import numpy as np
 import pandas as pd
 import torch
@@ -21,12 +22,13 @@ from matplotlib.axes import Axes
 from matplotlib.colors import LinearSegmentedColormap
 from matplotlib.figure import Figure
 from matplotlib.image import AxesImage
+from matplotlib.typing import RcKeyType
 from torch import Generator, Tensor
 
 from ship_trl.explain.measure import OTHER_SEEDS, PAIRS, PIXELS, Measured, measure
-from ship_trl.explain.networks import Origin, Role, add_controls, find_origin, load_networks
+from ship_trl.explain.networks import Role, add_controls, find_origin, load_networks
 from ship_trl.explain.saliency import erase_things, gradient, greedy_actions, occlusion
-from ship_trl.explain.states import Floats, StateSet, draw_states
+from ship_trl.explain.states import Floats, draw_states
 from ship_trl.fast.worlds import make_env
 from ship_trl.files.disk import atomic_write
 from ship_trl.learn.network import DuelingNetwork
@@ -34,16 +36,15 @@ from ship_trl.learn.rollout import greedy_policy, rollout
 from ship_trl.policies.registry import Entry
 from ship_trl.run.process import configure_process
 from ship_trl.sim.env import ShipEnv
-from ship_trl.view.style import add_legend, save_figure, tidy
+from ship_trl.view.style import CHART, Style, add_legend, save_figure
 
-PAGE, TABLES = "index.html", ("probes", "cka", "erased")
+TABLES = ("probes", "cka", "erased")
 MISSING = "-"
 # One end of a 95 % interval.
 CHANCE = 0.025
-# Keyword arguments of Matplotlib.
-Style = dict[str, Any]
-# Inches, and pixels an inch: at 1,200 pixels 9 points are 12 pixels high.
-WIDTH, DPI = 12.0, 150
+# Matplotlib's settings of all figures, which are as wide as the page: at 1,200 pixels 9 points are 12 pixels.
+WIDTH = 12.0
+PICTURE: dict[RcKeyType, Any] = {**CHART, "figure.dpi": 150, "axes.grid.axis": "y"}
 # Okabe and Ito's colours are safe for colour blindness; markers and dashes differ for print in grey.
 STYLES: dict[Role, Style] = {
     Role.explained: {"color": "#000000", "marker": "o", "linewidth": 2.2, "label": "explained network"},
@@ -73,10 +74,9 @@ def write(entries: list[Entry], output: Path, episodes: int, seed: int, command:
         sys.stdout.write(f"{time.monotonic() - started:5.0f} s  {line}\n")
         sys.stdout.flush()
 
-    first = entries[0]
     named = load_networks(entries)
     name, network = named[0].name, named[0].network
-    first = dataclasses.replace(first, colour=network.colour)
+    first = dataclasses.replace(entries[0], colour=network.colour)
     # Fail before the long computation if the folder cannot be written.
     output.mkdir(parents=True, exist_ok=True)
     log(f"case {first.suite.case.name}: {len(named)} networks, {name} is explained")
@@ -94,48 +94,42 @@ def write(entries: list[Entry], output: Path, episodes: int, seed: int, command:
         with atomic_write(output / f"{table}.csv") as draft:
             getattr(measured, table).to_csv(draft, index=False)
     episode = rollout(env, greedy_policy(network, env.rasteriser))[0].states
-    drawn = {
-        "probes": draw_probes(measured),
-        "change": draw_change(measured),
-        "erased": draw_erased(measured),
-        "saliency": draw_saliency(network, networks[-1].network, env, episode),
-    }
     images = {}
-    for key, figure in drawn.items():
-        save_figure(figure, output / f"{key}.png")
-        images[key] = base64.b64encode((output / f"{key}.png").read_bytes()).decode()
-    log(f"{len(drawn)} figures")
+    with matplotlib.rc_context(PICTURE):
+        for key, figure in (
+            ("probes", draw_probes(measured)),
+            ("change", draw_change(measured)),
+            ("erased", draw_erased(measured)),
+            ("saliency", draw_saliency(network, networks[-1].network, env, episode)),
+        ):
+            save_figure(figure, output / f"{key}.png")
+            images[key] = base64.b64encode((output / f"{key}.png").read_bytes()).decode()
+    log(f"{len(images)} figures")
     loader = jinja2.FileSystemLoader(Path(__file__).parent)
     environment = jinja2.Environment(loader=loader, autoescape=True, undefined=jinja2.StrictUndefined)
+    result, held_out = origin.result, len(set(states.episode[states.held_out]))
+    # Each probe with pixels and with untrained networks.
+    comparisons = 2 * int((measured.probes.role == Role.explained).sum())
+    facts = {
+        "network": f"{name} ({first.policy})",
+        "trained on case": result and result.target,
+        "source case": result and result.source,
+        "copied layers": ", ".join(origin.copied),
+        "all networks": ", ".join(f"{one.name} ({one.role})" for one in networks),
+        "states": f"{len(states.states)} of {episodes} episodes, {held_out} of them held out",
+        "probe comparisons": f"{comparisons}; by chance {CHANCE * comparisons:.1f} get a ▲",
+    }
     page = environment.get_template("page.html").render(
         name=name,
         case=first.suite.case.name,
         command=command,
-        facts=list_facts(first, origin, states, measured),
+        facts={key: value or MISSING for key, value in facts.items()},
         tables=make_tables(measured),
         figures=images,
     )
-    with atomic_write(output / PAGE) as draft:
+    with atomic_write(output / "index.html") as draft:
         draft.write_text(page)
-    sys.stdout.write(f"{output / PAGE}\n")
-
-
-def list_facts(entry: Entry, origin: Origin, states: StateSet, measured: Measured) -> dict[str, str]:
-    """List what was compared, and on how many states."""
-    result = origin.result
-    episodes, held_out = len(set(states.episode)), len(set(states.episode[states.held_out]))
-    # Each probe with pixels and with untrained networks.
-    comparisons = 2 * int((measured.probes.role == Role.explained).sum())
-    facts = {
-        "network": f"{measured.networks[0].name} ({entry.policy})",
-        "trained on case": result and result.target,
-        "source case": result and result.source,
-        "copied layers": ", ".join(origin.copied),
-        "all networks": ", ".join(f"{one.name} ({one.role})" for one in measured.networks),
-        "states": f"{len(states.states)} of {episodes} episodes, {held_out} of them held out",
-        "probe comparisons": f"{comparisons}; by chance {CHANCE * comparisons:.1f} get a ▲",
-    }
-    return {key: value or MISSING for key, value in facts.items()}
+    sys.stdout.write(f"{output / 'index.html'}\n")
 
 
 def make_tables(measured: Measured) -> dict[str, pd.DataFrame]:
@@ -176,51 +170,40 @@ def number(table: pd.DataFrame, name: str, form: str = "z.2f", mark: bool = Fals
     return cells
 
 
-def new_figure(height: float) -> Figure:
-    """Begin a figure of the page's width; height in inches."""
-    return Figure(figsize=(WIDTH, height), dpi=DPI, layout="constrained")
-
-
 def draw_probes(measured: Measured) -> Figure:
     """Draw R² by layer of every network and control: bearings above, distances below."""
     quantities = list(measured.probes.quantity.unique())
     kinds = [[name for name in quantities if name.startswith(kind)] for kind in ("bearing", "distance")]
-    figure = new_figure(7.4)
+    figure, x = Figure((WIDTH, 7.4)), range(len(measured.layers))
     axes = figure.subplots(2, len(kinds[0]), sharex=True, sharey=True, squeeze=False)
     for side, names in zip(axes, kinds, strict=True):
         side[0].set_ylabel("R² on held-out episodes")
-        for axis, name in zip(side, names, strict=False):
-            draw_quantity(axis, measured, name)
+        for axis, quantity in zip(side, names, strict=False):
+            probes = measured.probes[measured.probes.quantity == quantity]
+            pixels = probes[probes.network == PIXELS].iloc[0]
+            axis.axhline(pixels["r2"], **PIXEL_STYLE)
+            band: Style = {"color": PIXEL_STYLE["color"], "alpha": 0.15, "linewidth": 0}
+            axis.axhspan(pixels["r2_low"], pixels["r2_high"], **band)
+            for one in measured.networks:
+                # The explained network is drawn on top.
+                style = STYLES[one.role] | {"zorder": 3 if one.role is Role.explained else 2}
+                axis.plot(x, probes[probes.network == one.name].r2.clip(lower=MIN_R2), **style)
+            explained = probes[probes.role == Role.explained]
+            axis.vlines(x, explained.r2_low.clip(lower=MIN_R2), explained.r2_high, "#000000")
+            axis.plot(x, explained.shuffled_r2.clip(lower=MIN_R2), **SHUFFLED_STYLE)
+            axis.set_title(quantity, fontsize=12)
+            axis.set_xticks(x, measured.layers, fontsize=10)
+            axis.tick_params(labelbottom=True)
+            axis.set_ylim(MIN_R2 - 0.03, 1.03)
         for axis in side[len(names) :]:
             axis.set_visible(False)
     add_legend(figure, [axes[0, 0]], "center", 4, 10)
     return figure
 
 
-def draw_quantity(axis: Axes, measured: Measured, quantity: str) -> None:
-    """Draw R² of one quantity by layer."""
-    probes = measured.probes[measured.probes.quantity == quantity]
-    ((value, low, high),) = probes.loc[probes.network == PIXELS, ["r2", "r2_low", "r2_high"]].to_numpy()
-    axis.axhline(value, **PIXEL_STYLE)
-    axis.axhspan(low, high, color=PIXEL_STYLE["color"], alpha=0.15, linewidth=0)
-    x = range(len(measured.layers))
-    for one in measured.networks:
-        # The explained network is drawn on top.
-        style = STYLES[one.role] | {"zorder": 3 if one.role is Role.explained else 2}
-        axis.plot(x, probes[probes.network == one.name].r2.clip(lower=MIN_R2), **style)
-    explained = probes[probes.role == Role.explained]
-    axis.vlines(x, explained.r2_low.clip(lower=MIN_R2), explained.r2_high, "#000000")
-    axis.plot(x, explained.shuffled_r2.clip(lower=MIN_R2), **SHUFFLED_STYLE)
-    axis.set_title(quantity, fontsize=12)
-    axis.set_xticks(x, measured.layers, fontsize=10)
-    axis.tick_params(labelbottom=True)
-    axis.set_ylim(MIN_R2 - 0.03, 1.03)
-    tidy(axis, "y")
-
-
 def draw_change(measured: Measured) -> Figure:
     """Draw CKA by layer of each comparison, with intervals or ranges."""
-    figure = new_figure(5.2)
+    figure = Figure((WIDTH, 5.2))
     axis = figure.subplots()
     found = measured.cka_by_layer()
     x = np.arange(len(measured.layers))
@@ -231,7 +214,6 @@ def draw_change(measured: Measured) -> Figure:
         axis.vlines(x + shift, table.cka_low, table.cka_high, style["color"])
     axis.set_xticks(x, measured.layers, fontsize=11)
     axis.set_ylabel("CKA: 1 similar, 0 unrelated", fontsize=11)
-    tidy(axis, "y")
     add_legend(figure, [axis], "center", 4, 10)
     return figure
 
@@ -239,7 +221,7 @@ def draw_change(measured: Measured) -> Figure:
 def draw_erased(measured: Measured) -> Figure:
     """Draw how often the action changes when a thing is erased."""
     things = list(measured.erased.thing.unique())
-    figure = new_figure(1.3 + 1.05 * len(things))
+    figure = Figure((WIDTH, 1.3 + 1.05 * len(things)))
     axis = figure.subplots()
     offsets = np.linspace(-0.3, 0.3, len(measured.networks))
     for one, offset in zip(measured.networks, offsets, strict=True):
@@ -252,16 +234,16 @@ def draw_erased(measured: Measured) -> Figure:
     axis.set_ylim(len(things) - 0.55, -0.45)
     axis.set_xlabel("share of states in which the action changes", fontsize=11)
     axis.set_xlim(-0.03, 1.0)
-    tidy(axis, "x")
+    axis.grid(visible=False, axis="y")
+    axis.grid(axis="x")
     add_legend(figure, [axis], "center", 4, 10)
     return figure
 
 
 def show(axis: Axes, values: Floats, colours: Any, low: float, high: float) -> AxesImage:
     """Show an image without ticks and frame, with colours between two values."""
-    axis.set_xticks([])
-    axis.set_yticks([])
-    axis.spines[:].set_visible(False)
+    axis.set(xticks=[], yticks=[], frame_on=False)
+    axis.grid(visible=False)
     return axis.imshow(values, cmap=colours, vmin=low, vmax=high, interpolation="nearest")
 
 
@@ -276,7 +258,7 @@ def draw_saliency(network: DuelingNetwork, untrained: DuelingNetwork, env: ShipE
     slopes, controls = (gradient(one, pixels).double().numpy() for one in (network, untrained))
     drops = [occlusion(network, one, env.rasteriser.background).double().numpy() for one in pixels]
     limit = max(float(np.abs(drop).max()) for drop in drops) or 1.0
-    figure = new_figure(10.9)
+    figure = Figure((WIDTH, 10.9))
     axes = figure.subplots(len(steps), 4)
     titles = ("input", "gradient", "gradient, untrained (control)", "occlusion")
     for axis, title in zip(axes[0], titles, strict=True):

@@ -20,8 +20,8 @@ from ship_trl.policies.pretrained import PRETRAINED
 from ship_trl.run.plan import read_settings
 from ship_trl.run.results import locate
 from ship_trl.sim.cases import load_case
-from ship_trl.study.manifest import PLAN, read_plan
-from ship_trl.study.plan import PAIRS, run_folder
+from ship_trl.study.manifest import PLAN, load_plan
+from ship_trl.study.plan import PAIRS
 from ship_trl.study.tables import (
     OTHER_SEED,
     SCRATCH,
@@ -34,7 +34,7 @@ from ship_trl.study.tables import (
 from ship_trl.transfer.casebase import POLICY
 
 if TYPE_CHECKING:
-    from ship_trl.explain.cka import Floats
+    from ship_trl.explain.states import Floats
     from ship_trl.learn.network import DuelingNetwork
 
 # Half of the episodes take random actions, half those of the bundled network of the case.
@@ -44,20 +44,28 @@ Runs = dict[str, Path]
 
 
 def add_seeds(folder: Path, path: Path) -> None:
-    """Measure the complete seeds that the table (a CSV) lacks; write the table after each.
+    """Measure the seeds with all their networks that the table (a CSV) lacks; write the table after each.
 
     Raises:
         ConfigError: the folder holds no study or no complete seed, or the table cannot be read.
     """
     rows = read_layers(path) if path.exists() else []
     done = {row.seed for row in rows}
-    complete = find_complete(folder)
-    for seed, pairs in complete.items():
-        if seed in done:
-            continue
-        started = time.monotonic()
-        found = []
-        for pair, runs in pairs.items():
+    # By seed, pair and arm.
+    planned: dict[int, dict[str, Runs]] = defaultdict(lambda: defaultdict(dict))
+    for job in load_plan(folder).jobs:
+        if job.part == PAIRS:
+            if not (is_name(job.label) and is_name(job.arm)):
+                raise ConfigError(f"folder: {folder / PLAN} has a pair or an arm whose name is not allowed")
+            planned[job.seed][job.label][job.arm] = job.folder(folder)
+    complete = {
+        seed: pairs
+        for seed, pairs in sorted(planned.items())
+        if all((run / POLICY).is_file() for runs in pairs.values() for run in runs.values())
+    }
+    for seed in sorted(complete.keys() - done):
+        started, found = time.monotonic(), []
+        for pair, runs in complete[seed].items():
             earlier = [s for s, others in complete.items() if s < seed and SCRATCH in others.get(pair, {})]
             other_seed = complete[earlier[-1]][pair][SCRATCH] if earlier else None
             found += compare_pair(seed, pair, runs, other_seed)
@@ -71,27 +79,6 @@ def add_seeds(folder: Path, path: Path) -> None:
     sys.stdout.write(f"{len(done)} seeds; {path}\n")
 
 
-def find_complete(folder: Path) -> dict[int, dict[str, Runs]]:
-    """Find the runs of the seeds with all their networks, by seed (sorted), pair and arm.
-
-    Raises:
-        ConfigError: the folder holds no study.
-    """
-    found: dict[int, dict[str, Runs]] = defaultdict(lambda: defaultdict(dict))
-    for job in read_plan(folder / PLAN, "folder")["jobs"]:
-        if job["part"] != PAIRS:
-            continue
-        if not (is_name(job["label"]) and is_name(job["arm"])):
-            raise ConfigError(f"folder: {folder / PLAN} has a pair or an arm whose name is not allowed")
-        run = run_folder(folder, PAIRS, job["label"], job["arm"], job["seed"])
-        found[job["seed"]][job["label"]][job["arm"]] = run
-    return {
-        seed: pairs
-        for seed, pairs in sorted(found.items())
-        if all((run / POLICY).is_file() for runs in pairs.values() for run in runs.values())
-    }
-
-
 def compare_pair(seed: int, pair: str, runs: Runs, other_seed: Path | None) -> list[Layer]:
     """Compare the networks of a pair; `other_seed` is the run from scratch of an earlier seed.
 
@@ -101,7 +88,7 @@ def compare_pair(seed: int, pair: str, runs: Runs, other_seed: Path | None) -> l
     import torch
     from torch import Generator
 
-    from ship_trl.explain.cka import cka, gram
+    from ship_trl.explain.encoding import cka, gram
     from ship_trl.explain.networks import make_untrained
     from ship_trl.explain.states import draw_states
     from ship_trl.fast.worlds import make_env

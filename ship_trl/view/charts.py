@@ -5,8 +5,8 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping, Sequence
 from pathlib import Path
-from typing import Any
 
+import matplotlib
 import numpy as np
 import pandas as pd
 from matplotlib.axes import Axes
@@ -23,6 +23,7 @@ from ship_trl.sim.cases import Case
 from ship_trl.view.episode import Telemetry, measure_episode
 from ship_trl.view.style import (
     BEST_KNOWN,
+    CHART,
     CHART_OUTCOMES,
     CHART_SERIES,
     EPSILON,
@@ -31,13 +32,13 @@ from ship_trl.view.style import (
     OTHERS,
     SCRATCH,
     SHIPS,
+    Style,
     add_legend,
     arm_styles,
     circle_names,
     counted,
     number,
     save_figure,
-    tidy,
 )
 
 # Episodes in the moving mean of training returns.
@@ -61,21 +62,21 @@ Returns = NDArray[np.float64]
 Groups = Mapping[str, Sequence[RunRecord]]
 
 
+@matplotlib.rc_context(CHART)
 def draw_curve(path: Path, rows: Sequence[Row], best_return: float | None, title: str) -> None:
     """Write the learning curve of one run as a PNG of 1200 x 800; `rows` are those of its `curve.csv`.
 
     Greedy evaluations of several episodes have success rates in place of outcomes. Without a `best_return`
     there is no line for it.
     """
-    figure = Figure(figsize=(12, 8), dpi=100, layout="constrained")
+    figure = Figure(figsize=(12, 8), dpi=100)
     upper, lower = figure.subplots(2, 1, sharex=True, height_ratios=(3, 1))
     lines = pd.DataFrame(list(rows), columns=list(CURVE_COLUMNS))
     finished, evaluated = (lines[lines[name].notna()] for name in ("return", "greedy_return"))
     has_rates = evaluated["greedy_episodes"].max() > 1
-    # Names of files in the title may contain a dollar sign.
-    figure.suptitle(title, fontsize=15, fontweight="bold", parse_math=False)
+    figure.suptitle(title, fontsize=15, fontweight="bold")
     for outcome, (colour, marker) in CHART_OUTCOMES.items():
-        style: dict[str, Any] = {"linestyle": "", "marker": marker, "color": colour}
+        style: Style = {"linestyle": "", "marker": marker, "color": colour}
         trained = finished.loc[finished["outcome"] == outcome, ["episode", "return"]].to_numpy()
         # The legend also lists an outcome that never happened.
         label = f"training: {outcome} ({len(trained)})"
@@ -109,19 +110,19 @@ def draw_curve(path: Path, rows: Sequence[Row], best_return: float | None, title
         lower.plot(episodes, epsilons, color=EPSILON, linestyle=":", linewidth=2, label="exploration rate ε")
     lower.set(ylim=(-0.04, 1.04), ylabel="share (0 to 1)", xlabel="training episodes")
     for axes in (upper, lower):
-        tidy(axes)
         axes.margins(x=0.01)
-        axes.legend(loc="upper left", bbox_to_anchor=(1.0, 1.0), frameon=False, fontsize=10.5)
+        axes.legend(loc="upper left", bbox_to_anchor=(1.0, 1.0), fontsize=10.5)
     save_figure(figure, path)
 
 
+@matplotlib.rc_context(CHART)
 def draw_transfer(
     path: Path, arm: str, returns: Sequence[float], scratch: Returns, best_return: float | None, title: str
 ) -> None:
     """Write the training returns of a transfer [E] and of runs from scratch [S, E] as a PNG of 1200 x 750."""
-    figure = Figure(figsize=(12, 7.5), dpi=100, layout="constrained")
+    figure = Figure(figsize=(12, 7.5), dpi=100)
     axes = figure.subplots()
-    axes.set_title(f"{title}, beside learning from scratch", fontsize=15, loc="left", parse_math=False)
+    axes.set_title(f"{title}, beside learning from scratch", fontsize=15, loc="left")
     smooth = moving_mean(scratch, MEAN_OVER)
     seeds = counted(len(scratch), "seed")
     if len(scratch) > 1:
@@ -137,18 +138,18 @@ def draw_transfer(
         axes.axhline(best_return, color=BEST_KNOWN, linestyle=":", linewidth=2.2, label=label)
     axes.set_xlabel("training episodes", fontsize=12)
     axes.set_ylabel(f"training return, mean of the last {MEAN_OVER} episodes", fontsize=12)
-    tidy(axes)
     axes.margins(x=0.01)
-    figure.legend(loc="outside lower left", ncols=1, frameon=False, fontsize=12)
+    figure.legend(loc="outside lower left", ncols=1, fontsize=12)
     save_figure(figure, path)
 
 
+@matplotlib.rc_context(CHART)
 def draw_comparison(path: Path, panels: Mapping[str, Groups]) -> None:
     """Write a PNG with a panel for each pair: training returns above, greedy returns below."""
     columns = min(COLUMNS, len(panels))
     rows = math.ceil(len(panels) / columns)
     size = (PANEL_SIZE[0] * columns, PANEL_SIZE[1] * rows)
-    figure = Figure(figsize=size, dpi=100, layout="constrained")
+    figure = Figure(figsize=size, dpi=100)
     places = figure.subfigures(rows, columns, squeeze=False).flat
     for place, (title, groups) in zip(places, panels.items(), strict=False):
         _draw_panel(place, title, groups)
@@ -158,7 +159,7 @@ def draw_comparison(path: Path, panels: Mapping[str, Groups]) -> None:
 def _draw_panel(place: SubFigure, title: str, groups: Groups) -> None:
     best = next(iter(groups.values()))[0].best_known_return
     upper, lower = place.subplots(2, 1, sharex=True)
-    upper.set_title(title, parse_math=False)
+    upper.set_title(title)
     styles = arm_styles(list(groups))
     for name, runs in groups.items():
         length = min(len(run.training.returns) for run in runs)
@@ -171,7 +172,6 @@ def _draw_panel(place: SubFigure, title: str, groups: Groups) -> None:
     for axes in (upper, lower):
         if best is not None:
             axes.axhline(best, color=MUTED, linewidth=1, label=f"best known: {best:.1f}")
-        tidy(axes)
     # Where no greedy return is above the bound, it would hide all of them.
     highest = max((float(run.greedy.returns.max()) for runs in groups.values() for run in runs), default=0.0)
     lowest = LOWEST_GREEDY if highest > LOWEST_GREEDY else None
@@ -181,17 +181,18 @@ def _draw_panel(place: SubFigure, title: str, groups: Groups) -> None:
     lower.set_ylabel("greedy return\n(median of seeds; band: all)")
     lines, names = upper.get_legend_handles_labels()
     in_a_row = max(1, LEGEND_LETTERS // (max(map(len, names)) + SAMPLE_LETTERS))
-    place.legend(lines, names, loc="outside lower center", ncols=in_a_row, fontsize=8, frameon=False)
+    place.legend(lines, names, loc="outside lower center", ncols=in_a_row, fontsize=8)
 
 
 def _draw_band(
-    axes: Axes, x: NDArray[np.int64], values: Returns, label: str, style: Mapping[str, Any], width: float
+    axes: Axes, x: NDArray[np.int64], values: Returns, label: str, style: Style, width: float
 ) -> None:
     """Draw the median of `values` [S, N] over seeds as a line, and their range as a band."""
     axes.plot(x, np.median(values, axis=0), label=label, linewidth=width, **style)
     axes.fill_between(x, values.min(axis=0), values.max(axis=0), color=style["color"], alpha=0.15, lw=0)
 
 
+@matplotlib.rc_context(CHART)
 def draw_trajectories(
     path: Path, case: Case, world: World, episodes: Mapping[str, Sequence[Episode]]
 ) -> None:
@@ -203,7 +204,7 @@ def draw_trajectories(
     columns = math.ceil(len(groups) / rows)
     width = max(PATHS_WIDTH, PATHS_MIN_WIDTH / columns)
     size = (width * columns, 1.75 * width * rows + 1)
-    figure = Figure(figsize=size, dpi=120, layout="constrained")
+    figure = Figure(figsize=size, dpi=120)
     panels: list[Axes] = list(figure.subplots(rows, columns, squeeze=False, sharex=True, sharey=True).flat)
     for axes in panels[len(groups) :]:
         axes.set_visible(False)
@@ -225,7 +226,7 @@ def draw_trajectories(
         else:
             goals = sum(one.outcome == "goal" for one in group)
             result = f"{counted(len(group), 'seed')}, mean {result}, goal {goals}"
-        axes.set_title(f"{name}\n{result}", fontsize=10, loc="left", parse_math=False)
+        axes.set_title(f"{name}\n{result}", fontsize=10, loc="left")
         for one in paths if len(groups) > 1 else ():
             label = "the other policies"
             axes.plot(*one.states[:, :2].T, color=OTHERS, linewidth=0.8, zorder=1, label=label)
@@ -233,7 +234,7 @@ def draw_trajectories(
             _draw_path(axes, one, is_thin=len(group) > 1)
     add_legend(figure, panels, "left", 2 if columns < 3 else 3, 9.5)
     title = f"case {case.name}"
-    figure.suptitle(title, fontsize=13, fontweight="bold", x=0.01, ha="left", parse_math=False)
+    figure.suptitle(title, fontsize=13, fontweight="bold", x=0.01, ha="left")
     save_figure(figure, path)
 
 
@@ -249,7 +250,7 @@ def _draw_path(axes: Axes, one: Telemetry, is_thin: bool) -> None:
         radius = one.world.safe_distance
         axes.add_patch(Circle((x, y), radius, fill=False, edgecolor=CHART_SERIES[0], zorder=3, alpha=alpha))
         label = f"closest approach, circle {radius:g} m"
-        style: dict[str, Any] = {"marker": ".", "markersize": 7, "markevery": [1], "linewidth": 1}
+        style: Style = {"marker": ".", "markersize": 7, "markevery": [1], "linewidth": 1}
         axes.plot(*np.stack(closest).T, color=CHART_SERIES[0], alpha=alpha, zorder=5, label=label, **style)
     if one.outcome in ENDS:
         marker, label = ENDS[one.outcome]
@@ -262,7 +263,7 @@ def _draw_ships(axes: Axes, longest: Telemetry) -> None:
     low, high = np.transpose([axes.get_xlim(), axes.get_ylim()])
     inset = 0.04 * (high[1] - low[1])
     badge = {"boxstyle": "circle,pad=0.25", "facecolor": SHIPS, "edgecolor": "none"}
-    style: dict[str, Any] = {"ha": "center", "va": "center", "fontsize": 10, "fontweight": "bold"}
+    style: Style = {"ha": "center", "va": "center", "fontsize": 10, "fontweight": "bold"}
     for k, places in enumerate(longest.ships.swapaxes(0, 1), 1):
         label = "target ship, numbered"
         axes.plot(*places.T, "o-", c=SHIPS, lw=1.2, ms=3.5, markevery=every, zorder=2, label=label)
@@ -283,4 +284,3 @@ def _set_limits(axes: Axes, paths: Sequence[Telemetry]) -> None:
     axes.set_xlim(low[0] - more[0], high[0] + more[0])
     axes.set_ylim(low[1] - more[1], high[1] + more[1])
     axes.set_aspect("equal")
-    tidy(axes)

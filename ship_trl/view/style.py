@@ -8,15 +8,18 @@ from __future__ import annotations
 from collections.abc import Iterable
 from itertools import chain
 from pathlib import Path
-from typing import Any, Literal
+from typing import Any
 
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
+from matplotlib.typing import RcKeyType
 
 from ship_trl.config.types import World
 from ship_trl.files.disk import atomic_write
 
 Colour = tuple[int, int, int]
+# Keyword arguments of Matplotlib.
+Style = dict[str, Any]
 
 # Pictures, in RGB.
 BACKGROUND: Colour = (15, 22, 34)
@@ -42,7 +45,19 @@ CHART_SERIES = ("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#E69F00", "#56B4E9"
 CHART_DASHES = ("-", "--", "-.", ":")
 CHART_OUTCOMES = {"goal": ("#009E73", "o"), "collision": ("#D55E00", "x"), "timeout": ("#7A7A7A", "^")}
 BEST_KNOWN, EPSILON = "#CC79A7", "#E69F00"
-GRID, MUTED, OTHERS, SHIPS, GOAL = "#E4E4E4", "#7A7A7A", "#D4D4D4", "#5A5A5A", "#B02020"
+MUTED, OTHERS, SHIPS, GOAL = "#7A7A7A", "#D4D4D4", "#5A5A5A", "#B02020"
+# Matplotlib's settings while a chart is drawn and saved: a grid behind the lines, no frame above and right
+# of them, and no formulas, because names of files may contain a dollar sign.
+CHART: dict[RcKeyType, Any] = {
+    "figure.constrained_layout.use": True,
+    "axes.grid": True,
+    "axes.axisbelow": True,
+    "axes.spines.top": False,
+    "axes.spines.right": False,
+    "grid.color": "#E4E4E4",
+    "legend.frameon": False,
+    "text.parse_math": False,
+}
 
 
 def blend(colour: Colour, background: Colour, share: float) -> Colour:
@@ -86,23 +101,11 @@ def circle_names(world: World) -> tuple[str, str]:
     return f"expected distance {world.goal_distance:g} m", f"safe distance {world.safe_distance:g} m"
 
 
-def tidy(axes: Axes, grid: Literal["both", "x", "y"] = "both") -> None:
-    """Draw a grid behind the lines, and remove the frame above and right of them."""
-    axes.grid(axis=grid, color=GRID, linewidth=0.8)
-    axes.set_axisbelow(True)
-    axes.spines[["top", "right"]].set_visible(False)
-
-
 def add_legend(figure: Figure, axes: Iterable[Axes], place: str, columns: int, letters: float) -> None:
     """Add a legend of the lines in `axes` below all axes, each label once; `letters` in points."""
     found = (zip(*reversed(one.get_legend_handles_labels()), strict=True) for one in axes)
     entries = dict(chain.from_iterable(found))
-    style: dict[str, Any] = {
-        "loc": f"outside lower {place}",
-        "ncols": columns,
-        "frameon": False,
-        "fontsize": letters,
-    }
+    style: Style = {"loc": f"outside lower {place}", "ncols": columns, "fontsize": letters}
     figure.legend(list(entries.values()), list(entries), **style)
 
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from enum import StrEnum
 
@@ -40,19 +40,17 @@ class Levels:
 
     def measure(self, study: Study, permutations: int = MAX_PERMUTATIONS) -> Estimate | None:
         """Measure it with its p-values; None for fewer than two common seeds."""
-        found = self.contrast.measure(study)
-        return None if found is None else add_p_values(found, self.claimed, self.margin(study))
-
-    def margin(self, study: Study) -> float | None:
-        """Return the difference below which arms count as equal; None if that is unknown."""
-        runs = study.matched(self.contrast.places)
-        metric = self.contrast.metric
-        # Times of runs that never reach the threshold are equal without being alike.
-        if metric in TIMES and min(np.mean([*map(has_reached, arm)]) for arm in runs.values()) < MIN_REACHED:
+        found, metric = self.contrast.measure(study), self.contrast.metric
+        if found is None:
             return None
-        possible = study.claims.possible_gain(next(iter(runs.values()))[0].target, metric)
+        runs = study.matched(self.contrast.places)
         share = study.claims.margin
-        return None if possible is None or share is None else share * possible
+        possible = study.claims.possible_gain(next(iter(runs.values()))[0].target, metric)
+        # Times of runs that never reach the threshold are equal without being alike.
+        shares = (np.mean([*map(has_reached, arm)]) for arm in runs.values())
+        is_cut = metric in TIMES and min(shares) < MIN_REACHED
+        margin = None if is_cut or possible is None or share is None else share * possible
+        return add_p_values(found, self.claimed, margin)
 
 
 @dataclass(frozen=True)
@@ -95,24 +93,18 @@ def of(pair: str, *arms: str) -> Places:
     return {arm: (PAIRS, pair, arm) for arm in arms}
 
 
-def make_test(
+def compare(
     where: str,
-    what: str,
     places: Places,
-    weights: Mapping[str, float],
-    metric: str,
+    better: Sequence[str],
+    worse: Sequence[str],
+    metric: str = "area",
+    what: str = "",
     claimed: Claimed = Claimed.above,
 ) -> Test:
-    """Make the test of a weighted sum of arms."""
-    return Levels(weighted(where, what, places, weights, metric), claimed)
-
-
-def compare(
-    where: str, places: Places, better: Sequence[str], worse: Sequence[str], metric: str = "area"
-) -> Test:
     """Test that the mean of some arms is better than the mean of others; `places` says where they lie."""
-    what = f"{joined(better)} {comparative(metric)} {joined(worse)}"
-    return make_test(where, what, places, mean_difference(better, worse), metric)
+    words = what or f"{joined(better)} {comparative(metric)} {joined(worse)}"
+    return Levels(weighted(where, words, places, mean_difference(better, worse), metric), claimed)
 
 
 def means(pair: str, better: Sequence[str], worse: Sequence[str], metric: str = "area") -> Test:
@@ -132,9 +124,8 @@ def each_beats(pair: str, better: Sequence[str], worse: Sequence[str], *metrics:
 
 def no_more(pair: str, arms: Sequence[str], others: Sequence[str], metric: str = "area") -> Test:
     """Test that the mean of some arms is above the mean of others by less than the margin."""
-    weights = mean_difference(arms, others)
     what = f"{joined(arms)} no more than {joined(others)}"
-    return make_test(pair, what, of(pair, *weights), weights, metric, Claimed.no_more)
+    return compare(pair, of(pair, *arms, *others), arms, others, metric, what, Claimed.no_more)
 
 
 def rises(pair: str, *order: str) -> Test:
@@ -142,7 +133,7 @@ def rises(pair: str, *order: str) -> Test:
     middle, count = (len(order) - 1) / 2, len(order)
     steps = 12 * (count - 1) / (count**3 - count)
     weights = {arm: (k - middle) * steps for k, arm in enumerate(order)}
-    return make_test(pair, f"rise over {', '.join(order)}", of(pair, *order), weights, "area")
+    return Levels(weighted(pair, f"rise over {', '.join(order)}", of(pair, *order), weights, "area"))
 
 
 def control(pair: str, arm: str, kind: str) -> Test:
@@ -169,14 +160,15 @@ def self_dips(label: str) -> list[Test]:
 
 def network_effect(metric: str) -> Test:
     """Test the main effect of the network in the 2 x 2 of network and starting epsilon."""
-    weights = mean_difference(("reused, low", "reused, 1"), ("scratch, low", "scratch, 1"))
-    return make_test(NEW_CASE, "reused above scratch, mean of both epsilons", REUSED, weights, metric)
+    reused, scratch = ("reused, low", "reused, 1"), ("scratch, low", "scratch, 1")
+    return compare(NEW_CASE, REUSED, reused, scratch, metric, "reused above scratch, mean of both epsilons")
 
 
 def interaction(metric: str) -> Test:
     """Test whether the effect of the network is larger with the low starting epsilon."""
     weights = {"reused, low": 1.0, "reused, 1": -1.0, "scratch, low": -1.0, "scratch, 1": 1.0}
-    return make_test(NEW_CASE, "reused above scratch, more with the low epsilon", REUSED, weights, metric)
+    what = "reused above scratch, more with the low epsilon"
+    return Levels(weighted(NEW_CASE, what, REUSED, weights, metric))
 
 
 def by_path(arm: str, metric: str) -> Test:

@@ -10,10 +10,11 @@ from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
 from enum import StrEnum
 from functools import cache
 from math import sqrt
+from typing import NamedTuple
 
 import numpy as np
 from scipy import optimize, stats
@@ -91,7 +92,7 @@ class Finding:
         value = self.found.value
         return value > 0 if self.claimed is Claimed.above else value <= (self.found.margin or 0.0)
 
-    def min_detectable(self, level: float = LEVEL / 2) -> float:
+    def min_detectable(self, level: float) -> float:
         """Return the least difference that these seeds detect four times in five at a level."""
         return min_detectable_effect(self.found.seeds, level) * self.found.error
 
@@ -138,12 +139,10 @@ class Answer:
         level = LEVEL / 2 / self.claims
         measured = [one.found for one in self.findings]
         needed = [seeds_needed(one.margin or 0.0, one.error, one.seeds, level, power) for one in measured]
-        known = [count for count in needed if count is not None]
-        return max(known) if len(known) == len(needed) else None
+        return None if None in needed else max(count or 0 for count in needed)
 
 
-@dataclass(frozen=True)
-class Evidence:
+class Evidence(NamedTuple):
     """The one-sided p-values of a contrast.
 
     `p` is for the claim, `against` for its opposite, and `small` for an effect below the margin; it is None
@@ -155,12 +154,11 @@ class Evidence:
     small: float | None = None
 
 
-@dataclass(frozen=True)
-class Graded:
+class Graded(NamedTuple):
     """The grade of a claim, and what each of its contrasts shows, by its words."""
 
-    grade: Grade = Grade.undetermined
-    parts: Mapping[str, Part] = field(default_factory=dict)
+    grade: Grade
+    parts: Mapping[str, Part]
 
 
 def judge_all(study: Study, claims: Sequence[Claim]) -> list[Answer]:
@@ -198,9 +196,9 @@ def judge(study: Study, family: Sequence[Claim], seeds: int | None, level: float
     planned = sum(len(claim.tests) for claim in family)
     against = [one.found.against if one.counts(seeds) else 1.0 for findings in measured for one in findings]
     adjusted = iter(holm(against + [1.0] * (planned - len(against))))
-    measured = [[replace(one, adjusted=next(adjusted)) for one in findings] for findings in measured]
     support, equality = [], []
-    for claim, findings in zip(family, measured, strict=True):
+    for k, (claim, findings) in enumerate(zip(family, measured, strict=True)):
+        measured[k] = [judge_alone(replace(one, adjusted=next(adjusted)), seeds, level) for one in findings]
         is_whole = len(findings) == len(claim.tests) and all(one.counts(seeds) for one in findings)
         support.append(max(one.found.p for one in findings) if is_whole else 1.0)
         are_differences = is_whole and all(one.claimed is Claimed.above for one in findings)
@@ -213,7 +211,7 @@ def judge(study: Study, family: Sequence[Claim], seeds: int | None, level: float
         answers.append(
             Answer(
                 claim,
-                [replace(one, verdict=judge_alone(one, seeds, level)) for one in findings],
+                findings,
                 verdict,
                 {Verdict.contradicted: opposite, Verdict.equivalent: within}.get(verdict, p),
                 missing=len(claim.tests) - sum(one.counts(seeds) for one in findings),
@@ -241,12 +239,12 @@ def decide(support: float, opposite: float, within: float, level: float) -> Verd
     return Verdict.equivalent if within <= level else Verdict.inconclusive
 
 
-def judge_alone(finding: Finding, seeds: int | None, level: float) -> Verdict:
-    """Return the verdict on a contrast alone: only its opposite is adjusted."""
-    if not finding.counts(seeds):
-        return Verdict.inconclusive
-    within = finding.found.within if finding.claimed is Claimed.above else 1.0
-    return decide(finding.found.p, finding.adjusted, within, level)
+def judge_alone(one: Finding, seeds: int | None, level: float) -> Finding:
+    """Add the verdict on a contrast alone: only its opposite is adjusted."""
+    if not one.counts(seeds):
+        return one
+    within = one.found.within if one.claimed is Claimed.above else 1.0
+    return replace(one, verdict=decide(one.found.p, one.adjusted, within, level))
 
 
 def grade_all(
@@ -275,18 +273,15 @@ def measure_parts(
 
 def grade(findings: Sequence[Finding]) -> Graded:
     """Grade a claim by its contrasts; without any it is undetermined."""
-    evidence = [evidence_of(found) for found in findings]
+    evidence = []
+    for one in findings:
+        found, margin = one.found, one.found.margin
+        has_size = margin is not None and one.claimed is Claimed.above
+        small = p_below(np.array(found.differences), margin or 0.0) if has_size else None
+        evidence.append(Evidence(found.p, found.against, small))
     parts = grade_parts(evidence)
     names = [one.found.what for one in findings]
     return Graded(grade_claim(evidence, parts), dict(zip(names, parts, strict=True)))
-
-
-def evidence_of(finding: Finding) -> Evidence:
-    """Return the p-values of a contrast."""
-    found = finding.found
-    has_size = found.margin is not None and finding.claimed is Claimed.above
-    small = p_below(np.array(found.differences), found.margin or 0.0) if has_size else None
-    return Evidence(found.p, found.against, small)
 
 
 def grade_parts(evidence: Sequence[Evidence]) -> list[Part]:

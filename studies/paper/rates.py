@@ -9,70 +9,29 @@ from __future__ import annotations
 import sys
 from argparse import Namespace
 from collections import defaultdict
-from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy import special
 
 from ship_trl.cli.errors import refusals
 from ship_trl.cli.parser import add_number, make_parser
 from ship_trl.config.bounds import Positive
 from ship_trl.run.console import show
 from ship_trl.study.compare import SEED
-from ship_trl.study.statistics import (
-    LEVEL,
-    TOLERANCE,
-    TRIM,
-    degrees_of_freedom,
-    interquartile_mean,
-)
+from ship_trl.study.statistics import LEVEL, interquartile_mean
 from ship_trl.study.study import Records, Study, finished_study
 from studies.paper.claims import ALL, claims
-from studies.paper.contrasts import Claimed
-from studies.paper.judge import (
-    Claim,
-    Evidence,
-    Finding,
-    Grade,
-    count_grades,
-    grade,
-    grade_all,
-    grade_claim,
-    grade_parts,
-    measure_parts,
-)
+from studies.paper.contrasts import Claimed, add_p_values
+from studies.paper.judge import Claim, Finding, Grade, count_grades, grade, grade_all, measure_parts
 
 FOLDER = Path("outputs/confirmatory")
 # A test of spread takes 0.2 s with all its permutations. With these its least p, times the eight contrasts of
 # a claim, is still below the level.
 MAX_PERMUTATIONS = 400
-Floats = NDArray[np.float64]
 Counts = Mapping[Grade, float]
-# For a claim, against it, and for an effect below the margin, as `Evidence` has them: [draws] each.
-PValues = tuple[Floats, Floats, Floats | None]
-
-
-@dataclass(frozen=True)
-class Samples:
-    """Means and standard errors of resampled differences around zero, [draws] each."""
-
-    mean: Floats
-    error: Floats
-    freedom: Floats
-
-    def p_above(self, bound: float, truth: float) -> Floats:
-        """Return the one-sided p-values against a mean of at most `bound`, for an effect of `truth`."""
-        value = self.mean + truth - bound
-        is_exact = self.error < TOLERANCE
-        p = special.stdtr(self.freedom, -value / np.where(is_exact, 1.0, self.error))
-        return np.where(is_exact, np.where(value > TOLERANCE, 0.0, 1.0), p)
-
-    def p_below(self, bound: float, truth: float) -> Floats:
-        """Return the one-sided p-values against a mean of at least `bound`, for an effect of `truth`."""
-        return Samples(-self.mean, self.error, self.freedom).p_above(-bound, -truth)
 
 
 def main(arguments: list[str]) -> None:
@@ -115,7 +74,7 @@ def shuffled(study: Study, draws: int, hypotheses: Sequence[Claim] = ALL) -> Cou
     rng = np.random.default_rng(SEED)
     seen = study.first(study.whole_looks[-1], LEVEL / 2)
     found = [grade_all(shuffle(seen, rng), hypotheses, MAX_PERMUTATIONS).values() for _ in range(draws)]
-    return mean_counts([[graded.grade for graded in one] for one in found])
+    return mean_counts([graded.grade for graded in one] for one in found)
 
 
 def shuffle(study: Study, rng: np.random.Generator) -> Study:
@@ -133,78 +92,38 @@ def shuffle(study: Study, rng: np.random.Generator) -> Study:
 def moved(claims: Sequence[Sequence[Finding]], share: float, draws: int) -> dict[str, Counts]:
     """Return the mean number of claims of each grade if all effects have the same known size, by that size.
 
-    Seeds are resampled jointly over all parts, so parts depend on each other as in the study. Differences are
-    centred by their interquartile mean and moved to a truth. Parts that claim no more than the margin stay at
-    zero, where they are true. So do parts without a margin; a claim with such a part cannot be supported.
-    Spreads have no differences, so they show nothing (p = 1). `share` is the margin's of the gain.
+    Seeds are resampled jointly over all parts, so parts depend on each other as in the study. `share` is the
+    margin's of the gain.
     """
     truths = {"nothing": 0.0, "the margin": 1.0, "what could be gained": 1 / share}
-    sampled = list(resample(claims, draws))
-    rows = {}
-    for name, size in truths.items():
-        grades = [list(grade_samples(samples, size, draws)) for samples in sampled]
-        rows[f"moved to {name}"] = mean_counts([list(draw) for draw in zip(*grades, strict=True)])
-    return rows
-
-
-def resample(
-    claims: Sequence[Sequence[Finding]], draws: int
-) -> Iterator[list[tuple[Finding, Samples | None]]]:
-    """Yield the parts of each claim with their resampled differences; spreads have none."""
     seeds = max((one.found.seeds for parts in claims for one in parts), default=1)
     chosen = np.random.default_rng(SEED).integers(0, seeds, (draws, seeds))
-    for parts in claims:
-        yield [(one, sample(one, chosen) if one.found.differences else None) for one in parts]
+    return {
+        f"moved to {name}": mean_counts(
+            [grade([move(one, size, draw) for one in parts]).grade for parts in claims] for draw in chosen
+        )
+        for name, size in truths.items()
+    }
 
 
-def sample(finding: Finding, chosen: NDArray[np.int64]) -> Samples:
-    """Centre the differences of a contrast, and resample the chosen seeds, [draws, seeds].
+def move(part: Finding, size: float, seeds: NDArray[np.int64]) -> Finding:
+    """Return a part with the differences of resampled seeds, moved to a truth: a size in margins.
 
-    It computes `statistics.standard_error` for all draws at once.
+    Differences are centred by their interquartile mean. Parts that claim no more than the margin stay at
+    zero, where they are true. So do parts without a margin; a claim with such a part cannot be supported.
+    Spreads have no differences, so they show nothing (p = 1).
     """
-    differences = np.array(finding.found.differences)
-    values = (differences - interquartile_mean(differences))[chosen]
-    seeds = values.shape[1]
-    cut = int(TRIM * seeds)
-    kept, ordered = seeds - 2 * cut, np.sort(values, axis=1)
-    winsorised = np.clip(values, ordered[:, cut, None], ordered[:, seeds - cut - 1, None])
-    squares = np.sum((winsorised - winsorised.mean(axis=1, keepdims=True)) ** 2, axis=1)
-    is_constant = squares < TOLERANCE**2
-    plain = np.std(values, axis=1, ddof=1) / np.sqrt(seeds)
-    return Samples(
-        interquartile_mean(values),
-        np.where(is_constant, plain, np.sqrt(squares / (kept * (kept - 1)))),
-        np.where(is_constant, seeds - 1, degrees_of_freedom(seeds)),
-    )
+    found = part.found
+    if not found.differences:
+        return replace(part, found=replace(found, p=1.0, against=1.0))
+    truth = size * (found.margin or 0.0) if part.claimed is Claimed.above else 0.0
+    values = np.array(found.differences)
+    drawn = (values - interquartile_mean(values))[seeds] + truth
+    drawn_part = replace(found, differences=tuple(drawn.tolist()))
+    return replace(part, found=add_p_values(drawn_part, part.claimed, found.margin))
 
 
-def grade_samples(
-    samples: Sequence[tuple[Finding, Samples | None]], size: float, draws: int
-) -> Iterator[Grade]:
-    """Yield the grade of a claim in each draw; effects have a size in margins."""
-    rows = [p_values(finding, one, size, draws) for finding, one in samples]
-    for k in range(draws):
-        evidence = [
-            Evidence(float(p[k]), float(against[k]), None if small is None else float(small[k]))
-            for p, against, small in rows
-        ]
-        yield grade_claim(evidence, grade_parts(evidence))
-
-
-def p_values(finding: Finding, samples: Samples | None, size: float, draws: int) -> PValues:
-    """Return the p-values of a part in each draw, for an effect of a size in margins."""
-    if samples is None:
-        return np.ones(draws), np.ones(draws), None
-    if finding.found.margin is None:
-        return samples.p_above(0.0, 0.0), samples.p_below(0.0, 0.0), None
-    if finding.claimed is Claimed.no_more:
-        return samples.p_below(finding.found.margin, 0.0), samples.p_above(finding.found.margin, 0.0), None
-    truth = size * finding.found.margin
-    p, against = samples.p_above(0.0, truth), samples.p_below(0.0, truth)
-    return p, against, samples.p_below(finding.found.margin, truth)
-
-
-def mean_counts(draws: Sequence[Sequence[Grade]]) -> Counts:
+def mean_counts(draws: Iterable[Sequence[Grade]]) -> Counts:
     """Return the mean number of claims of each grade over draws."""
     found = [count_grades(grades) for grades in draws]
     return {grade: float(np.mean([count[grade] for count in found])) for grade in Grade}

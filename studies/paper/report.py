@@ -3,10 +3,9 @@
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Callable, Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from collections.abc import Iterator, Mapping, Sequence
 from functools import partial
-from math import isfinite
+from math import isfinite, nan
 from pathlib import Path
 from typing import Any
 
@@ -17,6 +16,7 @@ from ship_trl.files.table import Cells, read_table
 from ship_trl.study.claims import Verdicts
 from ship_trl.study.compare import MIN_SEEDS
 from ship_trl.study.plan import PAIRS
+from ship_trl.study.statistics import Estimate
 from ship_trl.study.study import Study
 from studies.paper.contrasts import SPREAD
 from studies.paper.judge import (
@@ -45,37 +45,8 @@ MAX_BYTES = 10_000_000
 FAMILIES = {CONCLUSION: "Conclusions", EXPLORATORY: "What explains them"}
 # The bars of contrasts reach at most this multiple of the largest estimate.
 MAX_REACH = 2.5
-# The columns of claims.csv that describe a contrast.
-CONTRAST_CELLS: dict[str, Callable[[Answer, Finding], Any]] = {
-    "contrast": lambda _, one: one.found.what,
-    "metric": lambda _, one: one.found.metric,
-    "estimate": lambda _, one: one.found.value,
-    "estimate low": lambda _, one: one.found.low,
-    "estimate high": lambda _, one: one.found.high,
-    "claimed": lambda _, one: one.claimed.value,
-    "p": lambda _, one: one.found.p,
-    "p against": lambda _, one: one.found.against,
-    "p against adjusted": lambda _, one: one.adjusted,
-    "margin": lambda _, one: one.found.margin,
-    "p beyond margin": lambda _, one: one.found.within,
-    "seeds": lambda _, one: one.found.seeds,
-    "seen alone": lambda answer, one: one.min_detectable(answer.level),
-    "seen adjusted": lambda answer, one: one.min_detectable(answer.level / answer.claims),
-    "verdict": lambda _, one: one.verdict.value,
-    "beside": lambda _, one: "; ".join(f"{key} {by.value:+.3f}" for key, by in one.found.beside.items()),
-}
-
-
-@dataclass(frozen=True)
-class Scale:
-    """The values between which bars are drawn."""
-
-    low: float
-    high: float
-
-    def percent(self, value: float) -> float:
-        """Return where a value lies, clipped to 0 to 100."""
-        return round(float(np.interp(value, (self.low, self.high), (0, 100))), 2)
+# The values between which bars are drawn.
+Scale = tuple[float, float]
 
 
 def report(study: Study, folder: Path, claims: Sequence[Claim], explored: Sequence[Claim]) -> Verdicts:
@@ -83,6 +54,18 @@ def report(study: Study, folder: Path, claims: Sequence[Claim], explored: Sequen
     earlier = read_verdicts(folder / EARLIER) if (folder / EARLIER).exists() else {}
     answers, others = judge_all(study, claims), explore(study, explored)
     grades = grade_all(study, claims)
+    counted = count_grades([graded.grade for graded in grades.values()])
+    graded = f"Grades: {', '.join(f'{count} {grade}' for grade, count in counted.items())}."
+    levels = sorted({(one.seeds, one.level) for one in answers if one.findings})
+    shares = ", ".join(f"{100 - 200 * level:.4g} % after {seeds} seeds" for seeds, level in levels)
+    intervals = (
+        f"Each interval is at the level of the look that its claim was judged at: {shares or 'none yet'}."
+    )
+    if (count := len(study.looks)) > 1:
+        intervals += (
+            f" The levels are O'Brien and Fleming's: all {count} looks together err as often as one at 95 %."
+        )
+    describe = partial(in_a_sentence, earlier=earlier)
     looks = []
     for number, count in enumerate(study.looks, 1):
         level = look_level(number, len(study.looks))
@@ -90,23 +73,32 @@ def report(study: Study, folder: Path, claims: Sequence[Claim], explored: Sequen
     shown = {
         "looks": looks,
         "least": MIN_SEEDS,
-        "intervals": describe_intervals(answers, len(looks)),
+        "intervals": intervals,
         "decided": [one for one in answers if one.decided],
         "conclusions": [one for one in answers if one.claim.figure == CONCLUSION],
         "claims": [one for one in answers if one.claim.figure != CONCLUSION],
         "explored": others,
         "grades": grades,
-        "graded": describe_grades(grades),
+        "graded": graded,
         "families": list(families([*answers, *others])),
         "unit": unit,
-        "describe": partial(describe_claim, earlier=earlier),
+        "percent": percent,
+        "describe": describe,
     }
-    rows = claim_rows([*answers, *others], grades)
-    markdown = as_markdown(answers, grades, earlier, len(looks))
-    return Verdicts(rows, markdown, list(lines_of(study, answers, grades)), shown)
+    table = ["| claim | verdict | grade | the paper | measured |", "| --- | --- | --- | --- | --- |"]
+    for one in answers:
+        cells = [one.claim.name, one.word, grades[one.claim.name].grade, one.claim.sentence, describe(one)]
+        # "|" would end the cell, and "<" could begin a tag.
+        cells = [words.replace("|", "/").replace("<", "&lt;") for words in cells]
+        table.append(f"| {' | '.join(cells)} |")
+    markdown = "\n".join([intervals, "", graded, "", *table]) + "\n"
+    rows = [row for one in (*answers, *others) for row in claim_rows(one, grades.get(one.claim.name))]
+    return Verdicts(rows, markdown, list(lines_of(study, answers, grades, graded)), shown)
 
 
-def lines_of(study: Study, answers: Sequence[Answer], grades: Mapping[str, Graded]) -> Iterator[str]:
+def lines_of(
+    study: Study, answers: Sequence[Answer], grades: Mapping[str, Graded], graded: str
+) -> Iterator[str]:
     """Yield the lines that are printed."""
     for one in answers:
         if one.findings:
@@ -114,7 +106,7 @@ def lines_of(study: Study, answers: Sequence[Answer], grades: Mapping[str, Grade
             yield f"{name:<3}  {one.word:<13} {grades[name].grade:<15} {one.claim.sentence}"
     if without := [one.claim.name for one in answers if not one.findings]:
         yield f"no runs: {', '.join(without)}"
-    yield describe_grades(grades)
+    yield graded
     seeds = {key[3] for key in study.records if key[0] == PAIRS}
     judged = set(study.seeds[: study.whole_looks[-1]])
     if later := seeds & set(study.seeds) - judged:
@@ -126,34 +118,41 @@ def lines_of(study: Study, answers: Sequence[Answer], grades: Mapping[str, Grade
         yield f"fewer than {MIN_SEEDS} seeds: every verdict is inconclusive"
 
 
-def claim_rows(answers: Sequence[Answer], grades: Mapping[str, Graded]) -> list[dict[str, Any]]:
-    """Return every contrast of every claim, with verdict and grade; one row for a claim without runs.
-
-    What is explored has no grade.
-    """
-    return [
-        {
-            "claim": answer.claim.name,
-            "figure": answer.claim.figure,
-            "sentence": answer.claim.sentence,
-            "claim's verdict": answer.word,
-            "claim's p": answer.p if answer.findings else "",
-            "decided after seeds": answer.decided or "",
-            "seeds wanted": answer.seeds_wanted() or "",
-            **{name: cell(answer, one) if one else "" for name, cell in CONTRAST_CELLS.items()},
-            **grade_cells(grades.get(answer.claim.name), one),
+def claim_rows(answer: Answer, graded: Graded | None) -> Iterator[dict[str, Any]]:
+    """Yield a row for each contrast of a claim, or one if it has no runs; what is explored has no grade."""
+    claim = answer.claim
+    head: dict[str, Any] = {
+        "claim": claim.name,
+        "figure": claim.figure,
+        "sentence": claim.sentence,
+        "claim's verdict": answer.word,
+        "claim's p": answer.p if answer.findings else "",
+        "decided after seeds": answer.decided or "",
+        "seeds wanted": answer.seeds_wanted() or "",
+    }
+    for one in answer.findings or (Finding(Estimate(nan, nan, nan)),):
+        found, parts = one.found, graded.parts if graded else {}
+        cells: dict[str, Any] = {
+            "contrast": found.what,
+            "metric": found.metric,
+            "estimate": found.value,
+            "estimate low": found.low,
+            "estimate high": found.high,
+            "claimed": one.claimed.value,
+            "p": found.p,
+            "p against": found.against,
+            "p against adjusted": one.adjusted,
+            "margin": found.margin,
+            "p beyond margin": found.within,
+            "seeds": found.seeds,
+            "seen alone": one.min_detectable(answer.level),
+            "seen adjusted": one.min_detectable(answer.level / answer.claims),
+            "verdict": one.verdict.value,
+            "beside": "; ".join(f"{name} {by.value:+.3f}" for name, by in found.beside.items()),
         }
-        for answer in answers
-        for one in answer.findings or (None,)
-    ]
-
-
-def grade_cells(graded: Graded | None, finding: Finding | None) -> dict[str, str]:
-    """Return the grade of a claim and what a contrast of it shows; empty cells where there is none."""
-    if graded is None:
-        return {"grade": "", "part": ""}
-    part = graded.parts.get(finding.found.what) if finding else None
-    return {"grade": graded.grade.value, "part": part.value if part else ""}
+        cells = cells if answer.findings else dict.fromkeys(cells, "")
+        part = parts.get(found.what, "")
+        yield head | cells | {"grade": graded.grade.value if graded else "", "part": part}
 
 
 def read_verdicts(path: Path) -> dict[str, tuple[str, str]]:
@@ -186,7 +185,12 @@ def scale_of(findings: Sequence[Finding]) -> Scale:
     ends = np.clip([(one.low, one.high) for one in found], -most, most)
     low, high = min(ends.min(), 0.0), max(ends.max(), 0.0)
     room = 0.03 * (high - low) or most
-    return Scale(low - room, high + room)
+    return low - room, high + room
+
+
+def percent(value: float, scale: Scale) -> float:
+    """Return where a value lies on a scale, clipped to 0 to 100."""
+    return round(float(np.interp(value, scale, (0, 100))), 2)
 
 
 def families(answers: Sequence[Answer]) -> Iterator[tuple[str, list[Answer], dict[str, Scale]]]:
@@ -199,15 +203,13 @@ def families(answers: Sequence[Answer]) -> Iterator[tuple[str, list[Answer], dic
             yield FAMILIES.get(figure, f"Figure {figure}"), family, scales
 
 
-def in_a_sentence(answer: Answer) -> str:
-    """Say what was measured of a claim: its contrast, or how its contrasts came out."""
-    findings = answer.findings
-    if not findings:
-        return "No runs."
+def in_a_sentence(answer: Answer, earlier: Earlier) -> str:
+    """Say what was measured of a claim, in one contrast or all, and the verdict of an earlier study on it."""
+    findings, words = answer.findings, "No runs."
     if len(findings) == 1:
         one = findings[0].found
         words = f"{one.what}: {one.value:+.3f} ({one.interval()}), p {one.p:.3f}"
-    else:
+    elif findings:
         found = Counter(finding.verdict.value for finding in findings)
         counts = ", ".join(f"{count} {verdict}" for verdict, count in found.most_common())
         values = [finding.found.value for finding in findings]
@@ -215,7 +217,8 @@ def in_a_sentence(answer: Answer) -> str:
         largest = max(finding.found.p for finding in findings)
         words = f"{len(findings)} contrasts: {counts}; {agreeing} estimated as claimed"
         words += f" ({min(values):+.3f} to {max(values):+.3f}); largest p {largest:.3f}"
-    words += f"; adjusted {answer.p:.3f} for the verdict."
+    if findings:
+        words += f"; adjusted {answer.p:.3f} for the verdict."
     if answer.decided:
         words += f" Decided after {answer.decided} seeds."
     # If a claim is open although each contrast holds alone, all contrasts miss the adjusted level.
@@ -227,21 +230,9 @@ def in_a_sentence(answer: Answer) -> str:
         words += f" Could see differences from {ends(alone)} on, adjusted {ends(adjusted)}."
     if wanted := answer.seeds_wanted():
         words += f" {wanted} seeds would tell differences of the margin from none, four times in five."
-    if answer.missing:
+    if findings and answer.missing:
         count = len(answer.claim.tests)
         words += f" Still without {answer.seeds} seeds: {answer.missing} of {count} contrasts."
-    return words
-
-
-def ends(values: Sequence[float]) -> str:
-    """Format the least and the largest value."""
-    low, high = f"{min(values):.2f}", f"{max(values):.2f}"
-    return low if low == high else f"{low} to {high}"
-
-
-def describe_claim(answer: Answer, earlier: Earlier) -> str:
-    """Say what was measured of a claim, and the verdict of an earlier study on it."""
-    words = in_a_sentence(answer)
     if answer.claim.name in earlier:
         verdict, sentence = earlier[answer.claim.name]
         # The earlier claim may have had another sentence.
@@ -250,32 +241,7 @@ def describe_claim(answer: Answer, earlier: Earlier) -> str:
     return words
 
 
-def describe_intervals(answers: Sequence[Answer], looks: int) -> str:
-    """Say at what level the intervals of claims are."""
-    levels = sorted({(answer.seeds, answer.level) for answer in answers if answer.findings})
-    shares = ", ".join(f"{100 - 200 * level:.4g} % after {seeds} seeds" for seeds, level in levels)
-    words = f"Each interval is at the level of the look that its claim was judged at: {shares or 'none yet'}."
-    if looks > 1:
-        words += (
-            f" The levels are O'Brien and Fleming's: all {looks} looks together err as often as one at 95 %."
-        )
-    return words
-
-
-def describe_grades(grades: Mapping[str, Graded]) -> str:
-    """Say how many claims have each grade."""
-    counted = count_grades([graded.grade for graded in grades.values()])
-    return f"Grades: {', '.join(f'{count} {grade}' for grade, count in counted.items())}."
-
-
-def as_markdown(answers: Sequence[Answer], grades: Mapping[str, Graded], earlier: Earlier, looks: int) -> str:
-    """Return all verdicts and grades as Markdown: the level of the intervals, counts, then a table."""
-    lines = [describe_intervals(answers, looks), "", describe_grades(grades), ""]
-    lines += ["| claim | verdict | grade | the paper | measured |", "| --- | --- | --- | --- | --- |"]
-    for answer in answers:
-        name, sentence = answer.claim.name, answer.claim.sentence
-        cells = [name, answer.word, grades[name].grade, sentence, describe_claim(answer, earlier)]
-        # "|" would end the cell, and "<" could begin a tag.
-        cells = [words.replace("|", "/").replace("<", "&lt;") for words in cells]
-        lines.append(f"| {' | '.join(cells)} |")
-    return "\n".join(lines) + "\n"
+def ends(values: Sequence[float]) -> str:
+    """Format the least and the largest value."""
+    low, high = f"{min(values):.2f}", f"{max(values):.2f}"
+    return low if low == high else f"{low} to {high}"

@@ -11,7 +11,7 @@ import numpy as np
 import torch
 from torch import Tensor
 
-from ship_trl.explain.cka import cka, gram
+from ship_trl.explain.encoding import cka, gram
 from ship_trl.learn.network import DuelingNetwork
 from ship_trl.learn.rollout import Episode
 from ship_trl.policies import reference as of_networks

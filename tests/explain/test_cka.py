@@ -9,7 +9,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from torch import Generator, Tensor
 
-from ship_trl.explain.cka import cka, estimate, gram, hsic
+from ship_trl.explain.encoding import cka, estimate_cka, gram, hsic
 
 SEEDS = st.integers(0, 2**31)
 
@@ -43,7 +43,7 @@ def test_hsic_has_no_bias() -> None:
 def test_the_interval_contains_the_value_and_narrows_with_episodes() -> None:
     def width(count: int) -> float:
         x = noise(count, 4, 0)
-        found = estimate(gram(x), gram(x + noise(count, 4, 1)), np.repeat(np.arange(count // 5), 5))
+        found = estimate_cka(gram(x), gram(x + noise(count, 4, 1)), np.repeat(np.arange(count // 5), 5))
         assert found.low <= found.value <= found.high <= 1
         return found.high - found.low
 

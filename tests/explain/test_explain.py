@@ -115,13 +115,10 @@ def test_the_start_of_a_run_from_scratch_is_drawn_again(
     [
         ("random target=2", "policy: random has no network; allowed: a result folder or a safetensors file"),
         ("RUN RUN target=2", "is given twice"),
-        (
-            "RUN SOURCE",
-            "is for case 2, and 1 scratch seed 0, best is for case 1; allowed: one, given as target=CASE",
-        ),
+        ("RUN SOURCE", "best (case 1) differ in case, world or colours; allowed: one target=CASE"),
         ("RUN FIVE target=2", "has other layers than"),
         ("VECTOR target=2", "vector.safetensors sees numbers; allowed: networks that see pixels"),
-        ("RUN WORLD target=2", "differ in world or colours"),
+        ("RUN WORLD target=2", "differ in case, world or colours"),
         ("RUN target=2 --output TAKEN", "TAKEN: File exists"),
     ],
 )

@@ -5,10 +5,10 @@ import pytest
 import torch
 from torch import Generator, Tensor
 
-from ship_trl.explain.cka import gram
-from ship_trl.explain.probes import (
+from ship_trl.explain.encoding import (
     Probe,
     fit_probe,
+    gram,
     interval,
     per_episode,
     predict,

@@ -14,7 +14,6 @@ from torch import Generator
 
 from ship_trl.config.errors import ConfigError, print_error
 from ship_trl.config.types import World
-from ship_trl.explain.networks import read_config
 from ship_trl.files.curve import RunError, read_curve
 from ship_trl.files.record import read_run
 from ship_trl.files.untrusted import MAX_YAML_BYTES
@@ -69,7 +68,6 @@ READERS: dict[str, tuple[str, Callable[[Path, World], Any]]] = {
     "curve": ("curve.csv", lambda path, world: read_curve(path.parent)),
     "case": ("mine.yaml", lambda path, world: load_case(str(path), world)),
     "configuration": ("config.yaml", lambda path, world: read_settings(path.parent)),
-    "whole configuration": ("config.yaml", lambda path, world: read_config(path)),
     "demonstration": ("2-001.json", lambda path, world: read_demonstration(path, 7)),
     "plan of a study": (PLAN, lambda path, world: read_plan(path, "copy")),
 }
@@ -132,7 +130,6 @@ def test_yaml_is_values_and_no_more(
     for read in (
         lambda: load_case(str(path), world),
         lambda: read_settings(tmp_path),
-        lambda: read_config(path),
     ):
         with pytest.raises(ConfigError) as caught:
             read()

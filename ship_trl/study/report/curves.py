@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from operator import attrgetter
+from typing import Literal
 
 import numpy as np
 from matplotlib.artist import Artist
@@ -14,70 +15,204 @@ from matplotlib.patches import Patch
 
 from ship_trl.files.record import RunRecord
 from ship_trl.study.metrics import THRESHOLDS, has_reached, measure
-from ship_trl.study.plan import SCRATCH, Place
+from ship_trl.study.plan import (
+    CONTROL_ARMS,
+    CONTROL_KINDS,
+    FE,
+    FT,
+    NEW_CASE,
+    PAIRS,
+    SCRATCH,
+    SOURCE_CASES,
+    WHOLE,
+    Place,
+    control_arm,
+    rivals,
+    scratch_place,
+)
 from ship_trl.study.report.style import (
     GREY,
-    NARROW,
     PALE,
-    Panel,
-    Sections,
-    Trace,
+    REUSED_NAMES,
+    WIDTH,
     draw_curves,
-    grouped_sections,
-    lay_out,
     legend_above,
     look_of,
-    pair_sections,
     points,
-    reuse_panels,
-    reuse_title,
-    set_episodes,
-    set_range,
     smooth,
 )
-from ship_trl.study.study import Study
+from ship_trl.study.study import Study, pairs, places_of
+from ship_trl.view.style import Style
 
 # The share of a panel's height below the training returns, where the exploration rate is drawn.
 STRIP = 0.14
 WARMUP_ALPHA = 0.55
 BEST_DASHES, RANDOM_DASHES = (0, (5, 2)), (0, (1, 2))
-# Panels in a row of a wide figure; inches of a panel's height, by the figure's width.
-COLUMNS, HEIGHT, NARROW_HEIGHT = 6, 1.2, 1.0
+# Panels in a row of single arms, and of groups of arms, with inches of their height.
+PAIR_COLUMNS, COLUMNS, HEIGHT = 5, 6, 1.2
+# The places of some arms by name, and first of scratch, which they are compared with.
+Panel = dict[str, Place]
+# Panels by the heading above them.
+Sections = Mapping[str, Sequence[Panel]]
 
 
-def draw_pair(study: Study, pair: str, width: float) -> Figure | None:
-    """Draw figure 5, 6 or 7, or the figure of another pair; None without runs."""
-    return draw_returns(study, pair_sections(study, pair), width, 5)
+def cases_of(study: Study, pair: str) -> str:
+    """Name source and target of a pair."""
+    source, target = study.cases(pair)
+    return f"{f'case {source} to ' if source else ''}case {target}"
 
 
-def draw_reuse(study: Study, width: float) -> Figure | None:
-    """Draw figure 9: the networks on the new case; None without runs."""
-    panels = reuse_panels(study)
-    return draw_returns(study, {reuse_title(study): panels} if panels else {}, width, 4)
+def pair_title(study: Study, pair: str) -> str:
+    """Return the title of a pair's figure, with source and target."""
+    return study.claims.title(pair, f"pair {pair}, {cases_of(study, pair)}")
 
 
-def draw_returns(study: Study, sections: Sections, width: float, columns: int) -> Figure | None:
-    """Draw each panel's training returns above its greedy returns; all panels share their ranges."""
+def reuse_title(study: Study) -> str:
+    """Return the title of the figure of the new case."""
+    return study.claims.title(NEW_CASE, "reuse on the new case")
+
+
+def make_panels(study: Study, name: str, groups: Iterable[Sequence[str]]) -> list[Panel]:
+    """Return a panel for each group of arms of a pair, or of the new case, that has runs."""
+    places, panels = places_of(study).get(name, {}), []
+    for group in groups:
+        if arms := {REUSED_NAMES.get(arm, arm): places[arm] for arm in group if arm in places}:
+            part, label, _ = next(iter(arms.values()))
+            panels.append({SCRATCH: scratch_place(part, label), **arms})
+    return panels
+
+
+def pair_sections(study: Study, pair: str) -> Sections:
+    """Return a panel for each arm with its controls: feature extraction, then finetuning."""
+    title, scratch = pair_title(study, pair), scratch_place(PAIRS, pair)
+    groups: dict[str, list[tuple[str, ...]]] = {
+        "feature extraction": [(arm, *(control_arm(arm, kind) for kind in CONTROL_KINDS)) for arm in FE],
+        "finetuning": [(arm,) for arm in (*FT, WHOLE)],
+        "other methods": [(arm,) for arm in rivals(places_of(study).get(pair, {}))],
+    }
+    sections: dict[str, list[Panel]] = {}
+    for kind, arms in groups.items():
+        if panels := make_panels(study, pair, arms):
+            sections[kind if sections else f"{title}\n{kind}"] = panels
+    if not sections and study.arm(*scratch):
+        return {title: [{SCRATCH: scratch}]}
+    return sections
+
+
+def grouped_sections(study: Study) -> Sections:
+    """Return panels of two arms each: a section for each pair, and one for the new case."""
+    groups = (FE[:2], FE[2:], FT[:2], FT[2:], (WHOLE,), CONTROL_ARMS)
+    sections = {}
+    for pair in pairs(study):
+        others = [(arm,) for arm in rivals(places_of(study).get(pair, {}))]
+        sections[pair_title(study, pair)] = make_panels(study, pair, (*groups, *others))
+    return {heading: found for heading, found in (sections | reuse_sections(study, 2)).items() if found}
+
+
+def reuse_sections(study: Study, sources_per_panel: int = 1) -> dict[str, list[Panel]]:
+    """Return panels of the new case: the reused network at both starting epsilons, then single sources."""
+    names, step = [f"case {case}" for case in SOURCE_CASES], sources_per_panel
+    groups = [
+        *([name] for name in REUSED_NAMES),
+        *(names[k : k + step] for k in range(0, len(names), step)),
+    ]
+    panels = make_panels(study, NEW_CASE, groups)
+    return {reuse_title(study): panels} if panels else {}
+
+
+def lay_out(
+    sections: Sections,
+    columns: int,
+    heights: Mapping[str, float],
+    label: str,
+    handles: Sequence[Artist] = (),
+) -> tuple[Figure, list[list[tuple[Panel, Sequence[Axes]]]]]:
+    """Make a figure with a stack of axes for each panel.
+
+    Args:
+        sections: each begins a new row under its heading.
+        columns: maximum number of panels in a row.
+        heights: of each panel's axes in inches, from top to bottom, by the label of their vertical axis.
+        label: of the horizontal axes.
+        handles: of a legend below all panels.
+
+    Returns:
+        The figure, and for each section its panels with their axes from top to bottom.
+    """
+    columns = min(columns, max(map(len, sections.values())))
+    counts = [-(-len(panels) // columns) for panels in sections.values()]
+    # A section has a heading, and each row has axes, tick labels and a legend.
+    tall = []
+    for (heading, panels), count in zip(sections.items(), counts, strict=True):
+        row = sum(heights.values()) + 0.3 + 0.15 * max(map(len, panels))
+        tall.append(0.1 + 0.16 * len(heading.splitlines()) + count * row)
+    figure = Figure((WIDTH, sum(tall) + (0.42 if handles else 0.25)))
+    parts = figure.subfigures(len(sections), 1, squeeze=False, height_ratios=tall)[:, 0]
+    drawn = []
+    for part, (heading, panels), count in zip(parts, sections.items(), counts, strict=True):
+        part.suptitle(heading, x=0.005, ha="left")
+        ratios = [*heights.values()] * count
+        grid = part.subplots(count * len(heights), columns, squeeze=False, height_ratios=ratios, sharex=True)
+        stacks = grid.reshape(count, len(heights), columns).swapaxes(1, 2).reshape(-1, len(heights))
+        for axis in stacks[len(panels) :].flat:
+            axis.remove()
+        for k, axes in enumerate(stacks[: len(panels)]):
+            for axis, name in zip(axes, heights, strict=True):
+                axis.tick_params(labelleft=k % columns == 0, labelbottom=axis is axes[-1])
+                if k % columns == 0:
+                    axis.set_ylabel(name)
+        drawn.append(list(zip(panels, stacks, strict=False)))
+    # On the last part, because a label of the whole figure would cover the legend.
+    parts[-1].supxlabel(label)
+    if handles:
+        form: Style = {"loc": "outside lower center", "ncols": len(handles), "columnspacing": 1.2}
+        figure.legend(handles=list(handles), **form)
+    return figure, drawn
+
+
+def set_range(axes: Sequence[Axes], ranges: Sequence[tuple[float, float]], below: float = 0.0) -> None:
+    """Give axes the same range of values; `below` is the share of free room below them."""
+    least, most = min(low for low, _ in ranges), max(high for _, high in ranges)
+    room = 0.05 * (most - least) or 0.1
+    for axis in axes:
+        axis.set_ylim(least - room - below * (most - least), most + room)
+        axis.locator_params(axis="y", nbins=4)
+
+
+def set_episodes(axis: Axes, end: float) -> None:
+    """Set a horizontal axis from 0 to an end; its outer tick labels do not touch those of other panels."""
+    axis.set_xlim(0, end)
+    axis.set_xticks([0, end / 2, end], [f"{value:g}" for value in (0, end / 2, end)])
+    sides: tuple[Literal["left", "center", "right"], ...] = ("left", "center", "right")
+    for label, side in zip(axis.get_xticklabels(), sides, strict=False):
+        label.set_horizontalalignment(side)
+
+
+def draw_returns(study: Study, sections: Sections) -> Figure | None:
+    """Draw each panel's training returns above its greedy returns; all panels share their ranges.
+
+    Sections of a pair make figure 5, 6 or 7, those of the new case figure 9; None without sections.
+    """
     if not sections:
         return None
-    counts = sorted({len(study.arm(*panel.scratch)) for panels in sections.values() for panel in panels})
+    panels = [panel for section in sections.values() for panel in section]
+    counts = sorted({len(study.arm(*panel[SCRATCH])) for panel in panels})
     scratch = f"scratch ({' or '.join(map(str, counts))})"
     handles: list[Artist] = [
-        Line2D([], [], color=look_of(SCRATCH).colour, linewidth=1.5, label=scratch),
+        Line2D([], [], **look_of(SCRATCH), linewidth=1.5, label=scratch),
         Line2D([], [], color=GREY, linestyle=BEST_DASHES, linewidth=1, label="best known return"),
         Line2D([], [], color=GREY, linestyle=RANDOM_DASHES, linewidth=1.2, label="random actions"),
     ]
-    panels = [panel for section in sections.values() for panel in section]
-    if any(explores(run) for panel in panels for run in study.arm(*panel.scratch).values()):
+    runs = [run for panel in panels for run in study.arm(*panel[SCRATCH]).values()]
+    if any(np.isfinite(run.training.epsilon).any() for run in runs):
         handles += [
             Patch(color=PALE, label="exploration rate"),
             Line2D([], [], color=GREY, marker="|", markersize=9, linewidth=0, label="exploration ends"),
         ]
     if study.plan.warmup:
         handles.append(Patch(color=PALE, alpha=WARMUP_ALPHA, label="warm-up, no update yet"))
-    training, greedy = (1.0, 0.7) if width == NARROW else (1.2, 0.8)
-    heights = {"training return": training, "greedy return": greedy}
-    figure, drawn = lay_out(width, sections, columns, heights, "training episodes", handles)
+    heights = {"training return": 1.2, "greedy return": 0.8}
+    figure, drawn = lay_out(sections, PAIR_COLUMNS, heights, "training episodes", handles)
     shown = [one for section in drawn for one in section]
     ranges = [draw_panel(study, panel, axes) for panel, axes in shown]
     for row, below in enumerate((STRIP, 0.0)):
@@ -87,16 +222,16 @@ def draw_returns(study: Study, sections: Sections, width: float, columns: int) -
 
 def draw_panel(study: Study, panel: Panel, axes: Sequence[Axes]) -> list[tuple[float, float]]:
     """Draw a panel's runs; return the ranges of its training returns and its greedy returns."""
-    lines = [(panel.scratch, look_of(SCRATCH)), *((arm.place, arm.look) for arm in panel.arms)]
-    found = [(runs, look) for place, look in lines if (runs := list(study.arm(*place).values()))]
+    found = {name: runs for name, place in panel.items() if (runs := list(study.arm(*place).values()))}
     # The levels are the same for all arms; the exploration rate is the arm's, or else that of scratch.
-    run = found[min(1, len(found) - 1)][0][0]
+    run = [*found.values()][min(1, len(found) - 1)][0]
     ranges = []
     for axis, kind in zip(axes, (attrgetter("training"), attrgetter("greedy")), strict=True):
         values = []
-        for runs, look in found:
+        for name, runs in found.items():
             shown, returns = smooth([kind(run).returns for run in runs])
-            values.append(draw_curves(axis, kind(runs[0]).episode[shown], returns, look))
+            label = "" if name == SCRATCH else f"{name} ({len(runs)})"
+            values.append(draw_curves(axis, kind(runs[0]).episode[shown], returns, look_of(name), label))
         for level, dashes in ((run.best_known, BEST_DASHES), (run.random_return, RANDOM_DASHES)):
             axis.axhline(level, color=GREY, linestyle=dashes, linewidth=0.9, zorder=1)
             values.append((level, level))
@@ -105,19 +240,14 @@ def draw_panel(study: Study, panel: Panel, axes: Sequence[Axes]) -> list[tuple[f
             axis.axvspan(0, study.plan.warmup, color=PALE, alpha=WARMUP_ALPHA, linewidth=0, zorder=0.4)
         ranges.append((min(low for low, _ in values), max(high for _, high in values)))
     draw_exploration(axes, run)
-    legend_above(axes[0], [(f"{arm.name} ({len(study.arm(*arm.place))})", arm.look) for arm in panel.arms])
+    legend_above(axes[0])
     return ranges
-
-
-def explores(run: RunRecord) -> bool:
-    """Return whether the run had an exploration rate."""
-    return not bool(np.isnan(run.training.epsilon).all())
 
 
 def draw_exploration(axes: Sequence[Axes], run: RunRecord) -> None:
     """Draw the exploration rate along the bottom of the first axes, and its end in all of them."""
     rate = run.training.epsilon
-    if not explores(run):
+    if np.isnan(rate).all():
         return
     shown = points(len(rate))
     bottom = axes[0].get_xaxis_transform()
@@ -141,29 +271,30 @@ def differences(study: Study, place: Place, scratch: Place) -> tuple[np.ndarray,
     return shown + 1, scores[:count] - scores[count:]
 
 
-def draw_differences(study: Study, width: float) -> Figure | None:
+def draw_differences(study: Study) -> Figure | None:
     """Draw each arm's differences from scratch; None where there is nothing to compare with."""
     sections = grouped_sections(study)
     panels = [panel for section in sections.values() for panel in section]
     found = {
-        arm.place: differences(study, arm.place, panel.scratch) for panel in panels for arm in panel.arms
+        place: differences(study, place, panel[SCRATCH])
+        for panel in panels
+        for name, place in panel.items()
+        if name != SCRATCH
     }
     if not any(len(curves) for _, curves in found.values()):
         return None
-    heights = {"above scratch": NARROW_HEIGHT if width == NARROW else HEIGHT}
-    figure, drawn = lay_out(width, sections, COLUMNS, heights, "training episodes")
+    figure, drawn = lay_out(sections, COLUMNS, {"above scratch": HEIGHT}, "training episodes")
     for section in drawn:
         # The range of a section holds zero.
         ranges = [(0.0, 0.0)]
         for panel, (axis,) in section:
-            axis.axhline(0, color=look_of(SCRATCH).colour, linewidth=1.0, zorder=1.5)
-            for arm in panel.arms:
-                x, curves = found[arm.place]
-                if len(curves):
-                    ranges.append(draw_curves(axis, x, curves, arm.look))
+            axis.axhline(0, **look_of(SCRATCH), linewidth=1.0, zorder=1.5)
+            for name, place in panel.items():
+                if place in found and len(found[place][1]):
+                    x, curves = found[place]
+                    ranges.append(draw_curves(axis, x, curves, look_of(name), f"{name} ({len(curves)})"))
                     set_episodes(axis, x[-1])
-            names = [(f"{arm.name} ({len(found[arm.place][1])})", arm.look) for arm in panel.arms]
-            legend_above(axis, names)
+            legend_above(axis)
         set_range([axis for _, (axis,) in section], ranges)
     return figure
 
@@ -178,22 +309,19 @@ def steps(runs: Sequence[RunRecord]) -> tuple[np.ndarray, np.ndarray]:
     return np.array([0.0, *times, 1.0]), np.append(shares, shares[-1])
 
 
-def draw_times(study: Study, width: float) -> Figure | None:
+def draw_times(study: Study) -> Figure | None:
     """Draw how many runs of each arm have reached the threshold over time; None without runs."""
     sections = grouped_sections(study)
     if not sections:
         return None
     label = f"share of the episodes until the moving score is at {THRESHOLDS[0]:g}"
-    heights = {"share of the runs": NARROW_HEIGHT if width == NARROW else HEIGHT}
-    figure, drawn = lay_out(width, sections, COLUMNS, heights, label, names=1)
+    figure, drawn = lay_out(sections, COLUMNS, {"share of the runs": HEIGHT}, label)
     for panel, (axis,) in (one for section in drawn for one in section):
-        names = []
-        for arm in (Trace(SCRATCH, panel.scratch, look_of(SCRATCH)), *panel.arms):
-            if runs := list(study.arm(*arm.place).values()):
-                style = {"color": arm.look.colour, "linestyle": arm.look.dashes, "linewidth": 1.3}
-                axis.step(*steps(runs), where="post", clip_on=False, **style)
-                names.append((f"{arm.name} {sum(map(has_reached, runs))}/{len(runs)}", arm.look))
-        legend_above(axis, names)
+        for name, place in panel.items():
+            if runs := list(study.arm(*place).values()):
+                look = look_of(name) | {"label": f"{name} {sum(map(has_reached, runs))}/{len(runs)}"}
+                axis.step(*steps(runs), where="post", clip_on=False, linewidth=1.3, **look)
+        legend_above(axis)
         set_episodes(axis, 1)
         # A step at 1 stays clear of the names above it.
         axis.set_ylim(0, 1.06)

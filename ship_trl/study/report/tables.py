@@ -11,6 +11,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+import pandas as pd
 
 from ship_trl.config.arm import SCRATCH, Arm, SourceWeights
 from ship_trl.files.disk import atomic_write
@@ -19,7 +20,7 @@ from ship_trl.sim.cases import load_case, load_world
 from ship_trl.study import compare
 from ship_trl.study.claims import Claims
 from ship_trl.study.compare import MIN_SEEDS, SEED, gain
-from ship_trl.study.metrics import LATER, METRICS, THRESHOLDS, has_reached, measure, metrics_of
+from ship_trl.study.metrics import METRICS, THRESHOLDS, has_reached, measure, metrics_of
 from ship_trl.study.plan import (
     ALONE,
     LOW,
@@ -32,7 +33,7 @@ from ship_trl.study.plan import (
     read_option,
     scratch_place,
 )
-from ship_trl.study.statistics import LEVEL, Estimate, bootstrap, interquartile_mean, share_interval
+from ship_trl.study.statistics import LEVEL, Estimate, Sample, bootstrap, interquartile_mean, share_interval
 from ship_trl.study.study import Study
 from ship_trl.study.tables import read_groups
 from ship_trl.study.transfers import COLUMNS
@@ -57,8 +58,9 @@ def run_rows(study: Study) -> list[Row]:
 def arm_rows(study: Study) -> list[Row]:
     """Return every metric of every arm, as interquartile mean over seeds with its interval."""
     rows, names = [], metrics_of(study.records.values())
-    for part, pair, arm in study.places:
-        runs = list(study.arm(part, pair, arm).values())
+    for place in study.places:
+        part, pair, arm = place
+        runs = list(study.arm(*place).values())
         row: Row = {"part": part, "pair": pair, "arm": arm, "seeds": len(runs)}
         for name in names:
             row |= estimate_cells(name, estimate([measure(run, name) for run in runs]))
@@ -68,24 +70,28 @@ def arm_rows(study: Study) -> list[Row]:
         # A share of runs needs another interval.
         fallen = sum(int(measure(run, "fell")) for run in runs)
         row |= estimate_cells("fell", share_interval(fallen, len(runs)))
-        row |= estimate_cells("transfer ratio", transfer_ratio(study, (part, pair, arm)))
-        row |= estimate_cells(FORWARD, forward_transfer(study, (part, pair, arm)))
+        # Those of the seeds that the arm shares with scratch.
+        scratch = scratch_place(part, pair) if part in PARTS else (part, pair, SCRATCH.name)
+        both = study.matched({"arm": place, "scratch": scratch})
+        own, base = (np.array([measure(run, "area") for run in both[name]]) for name in ("arm", "scratch"))
+        is_transfer = not Arm.parse(arm).is_scratch
+        ratio = bootstrap([own, base], area_ratio, SEED) if is_transfer and len(own) >= MIN_SEEDS else None
+        row |= estimate_cells("transfer ratio", ratio)
+        forward = compare.forward_transfer(own, base, paired=True) if is_transfer and len(own) else None
+        row |= estimate_cells(FORWARD, forward if forward and np.isfinite(forward.value) else None)
         rows.append(row)
     return rows
 
 
-def as_kept(rows: list[Row]) -> list[Row]:
-    """Return the rows of arms.csv, without forward transfer where the metrics in `LATER` are left out."""
-    if not rows or LATER[0] in rows[0]:
-        return rows
-    return [{key: value for key, value in row.items() if not key.startswith(FORWARD)} for row in rows]
+def area_ratio(own: Sample, scratch: Sample, axis: int) -> Any:
+    """Return how much more area an arm has than scratch, as a share of scratch's (Taylor and Stone, 2009)."""
+    base = interquartile_mean(scratch, axis)
+    return (interquartile_mean(own, axis) - base) / np.maximum(np.abs(base), 1e-9)
 
 
 def estimate_cells(name: str, found: Estimate | None) -> Row:
     """Return a value and the ends of its interval as cells; empty cells for None."""
-    if found is None:
-        return dict.fromkeys((name, f"{name} low", f"{name} high"), "")
-    return found.cells(name)
+    return dict.fromkeys((name, f"{name} low", f"{name} high"), "") if found is None else found.cells(name)
 
 
 def estimate(values: Sequence[float]) -> Estimate | None:
@@ -95,32 +101,6 @@ def estimate(values: Sequence[float]) -> Estimate | None:
     if len(values) < MIN_SEEDS:
         return Estimate(float(interquartile_mean(np.array(values))), np.nan, np.nan)
     return bootstrap([np.array(values)], interquartile_mean, SEED)
-
-
-def transfer_ratio(study: Study, place: Place) -> Estimate | None:
-    """Return how much more area an arm has than scratch, as a share of scratch's (Taylor and Stone, 2009)."""
-    runs = study.matched({"arm": place, "scratch": scratch_place(*place[:2])})
-    if Arm.parse(place[2]).is_scratch or len(runs["arm"]) < MIN_SEEDS:
-        return None
-    areas = [np.array([measure(run, "area") for run in runs[name]]) for name in ("arm", "scratch")]
-
-    def ratio(one: Any, scratch: Any, axis: int) -> Any:
-        base = interquartile_mean(scratch, axis)
-        return (interquartile_mean(one, axis) - base) / np.maximum(np.abs(base), 1e-9)
-
-    return bootstrap(areas, ratio, SEED)
-
-
-def forward_transfer(study: Study, place: Place) -> Estimate | None:
-    """Return an arm's forward transfer, of the seeds that it shares with scratch; None without such seeds."""
-    part, pair, arm = place
-    scratch = scratch_place(part, pair) if part in PARTS else (part, pair, SCRATCH.name)
-    runs = study.matched({"arm": place, "scratch": scratch})
-    if Arm.parse(arm).is_scratch or not runs["arm"]:
-        return None
-    areas = [np.array([measure(run, "area") for run in runs[name]]) for name in ("arm", "scratch")]
-    found = compare.forward_transfer(areas[0], areas[1], paired=True)
-    return found if np.isfinite(found.value) else None
 
 
 def transfer_rows(study: Study) -> list[Row]:
@@ -160,14 +140,15 @@ def transfer_rows(study: Study) -> list[Row]:
 
 def layer_rows(study: Study) -> list[Row]:
     """Return the CKA of each layer of each two networks: interquartile mean over seeds with its interval."""
-    found: dict[tuple[str, str, str, str], list[float]] = defaultdict(list)
+    found: dict[tuple[str, ...], list[float]] = defaultdict(list)
     for one in study.layers:
         found[one.pair, one.arm, one.beside, one.layer].append(one.cka)
-    rows = []
-    for names, values in sorted(found.items()):
-        row: Row = dict(zip(("pair", "arm", "beside", "layer"), names, strict=True))
-        rows.append(row | {"seeds": len(values)} | estimate_cells("cka", estimate(values)))
-    return rows
+    return [
+        dict(zip(("pair", "arm", "beside", "layer"), names, strict=True))
+        | {"seeds": len(values)}
+        | estimate_cells("cka", estimate(values))
+        for names, values in sorted(found.items())
+    ]
 
 
 def similarity_rows(claims: Claims) -> list[Row]:
@@ -223,14 +204,11 @@ def rows_of_transfer(groups: Mapping[str, Sequence[RunRecord]]) -> Iterator[list
         records["", pair, arm, record.seed] = record
         names[pair, arm] = name
     for row in arm_rows(Study(records)):
-        cells = (describe_metric(row, name) for name in TRANSFER)
+        cells = []
+        for name in TRANSFER:
+            value, low, high = (row.get(f"{name}{end}", "") for end in ("", " low", " high"))
+            cells.append("-" if value == "" else Estimate(value, low, high).words())
         yield [names[row["pair"], row["arm"]], str(row["seeds"]), *cells]
-
-
-def describe_metric(row: Row, name: str) -> str:
-    """Format a metric with its interval, if there is one; - where it was not measured."""
-    value, low, high = (row.get(key, "") for key in (name, f"{name} low", f"{name} high"))
-    return "-" if value == "" else Estimate(value, low, high).words()
 
 
 def describe_scales(runs: Iterable[RunRecord]) -> str:
@@ -257,24 +235,14 @@ def measure_runs(groups: Mapping[str, Sequence[RunRecord]]) -> Iterator[dict[str
 
 def stability_rows(measured: Sequence[Mapping[str, Any]]) -> Iterator[list[str]]:
     """Yield a table row for each group of measured runs: means over runs, with the deviation over seeds."""
-    for name in dict.fromkeys(run["run"] for run in measured):
-        runs = [run for run in measured if run["run"] == name]
-        near = [run[LAST] >= run[BEST] - NEAR_BEST * abs(run[BEST]) for run in runs]
-        yield [
-            name,
-            str(len(runs)),
-            f"{sum(run['fell'] for run in runs):.0f}",
-            f"{np.mean([run['misses'] for run in runs]):.3f}",
-            *(
-                with_deviation([run[metric] for run in runs])
-                for metric in ("area", "asymptote", "time", BEST)
-            ),
-            f"{np.median([run[LAST] for run in runs]):.3f} (median)",
-            f"{sum(near)} of {len(near)}",
+    columns = ("run", "fell", "misses", "area", "asymptote", "time", BEST, LAST)
+    for name, runs in pd.DataFrame(measured, columns=columns).groupby("run", sort=False):
+        near = runs[LAST] >= runs[BEST] - NEAR_BEST * runs[BEST].abs()
+        means, deviations = runs.mean(numeric_only=True), runs.std(numeric_only=True)
+        spread = [
+            f"{means[key]:.3f}" + (f" ± {deviations[key]:.3f}" if len(runs) > 1 else "")
+            for key in ("area", "asymptote", "time", BEST)
         ]
-
-
-def with_deviation(values: Sequence[float]) -> str:
-    """Format a mean with the standard deviation over seeds."""
-    deviation = f" ± {np.std(values, ddof=1):.3f}" if len(values) > 1 else ""
-    return f"{np.mean(values):.3f}{deviation}"
+        last = f"{runs[LAST].median():.3f} (median)"
+        counts = [str(len(runs)), f"{runs['fell'].sum():.0f}", f"{means['misses']:.3f}"]
+        yield [str(name), *counts, *spread, last, f"{near.sum()} of {len(runs)}"]

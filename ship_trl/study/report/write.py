@@ -9,21 +9,18 @@ from collections.abc import Callable
 from functools import partial
 from math import isfinite
 from pathlib import Path
-from typing import Any
 
 import jinja2
+import matplotlib
 from matplotlib.figure import Figure
 
 from ship_trl.config.errors import ConfigError
 from ship_trl.files.disk import atomic_write
 from ship_trl.run.console import Show, show_share
 from ship_trl.study.claims import NO_CLAIMS, Claims, Verdicts, describe_rules
-from ship_trl.study.metrics import THRESHOLDS
-from ship_trl.study.report import tables
-from ship_trl.study.report.curves import draw_differences, draw_pair, draw_reuse, draw_times
-from ship_trl.study.report.gains import draw_forest, draw_gains, draw_layers
-from ship_trl.study.report.style import NARROW, WIDE, as_png, pair_title, reuse_title, save
-from ship_trl.study.report.tables import EQUATION
+from ship_trl.study.metrics import LATER, THRESHOLDS
+from ship_trl.study.report import curves, gains, tables
+from ship_trl.study.report.style import REPORT, save
 from ship_trl.study.study import Study, finished_study, pairs
 
 # Shares of the time that pass until runs are read, claims are judged and tables are written; then figures.
@@ -52,6 +49,14 @@ def report(folder: Path, output: Path, seeds: int | None = None, claims: Claims 
     sys.stdout.write("".join(f"{line}\n" for line in lines))
 
 
+def missing_runs(study: Study, folder: Path, seeds: int | None) -> int:
+    """Count the planned runs of the first `seeds` seeds, or of all, that are neither read nor broken."""
+    shown = study.seeds[:seeds]
+    planned = {job.folder(folder) for job in study.plan.jobs if seeds is None or job.seed in shown}
+    found = {record.folder for record in study.records.values()} | {path for path, _ in study.broken}
+    return len(planned - found)
+
+
 def write(study: Study, folder: Path, output: Path, missing: int, show: Show) -> list[str]:
     """Judge the claims, write all files, and return what is to be printed."""
     show(READ)
@@ -59,9 +64,12 @@ def write(study: Study, folder: Path, output: Path, missing: int, show: Show) ->
     judged = Verdicts([], "", [], {}) if judge is None else judge(study, folder)
     show(JUDGED)
     arms = tables.arm_rows(study)
+    # Tables of older studies stay as they were, see `LATER`.
+    is_old = bool(arms) and LATER[0] not in arms[0]
+    kept = [{k: v for k, v in row.items() if not (is_old and k.startswith(tables.FORWARD))} for row in arms]
     rows = {
         "runs": tables.run_rows(study),
-        "arms": tables.as_kept(arms),
+        "arms": kept,
         "claims": judged.rows,
         "table_2": tables.similarity_rows(study.claims),
         "transfers": tables.transfer_rows(study),
@@ -70,33 +78,11 @@ def write(study: Study, folder: Path, output: Path, missing: int, show: Show) ->
     for name, table in rows.items():
         tables.write_csv(output / f"{name}.csv", table)
     show(TABLES)
-    has_forgetting = any("forgetting" in row for row in arms)
-    shown = {"arms": arms, "has_forgetting": has_forgetting, "similar": rows["table_2"], "missing": missing}
-    pictures = draw_all(study, output, lambda share: show(TABLES + (1 - TABLES) * share))
-    page = render(study, pictures=pictures, **shown, **judged.shown)
-    for name, text in (("index.html", page), ("verdicts.md", judged.markdown)):
-        if not text:
-            (output / name).unlink(missing_ok=True)
-            continue
-        with atomic_write(output / name) as draft:
-            draft.write_text(text)
-    return [*judged.lines, *([f"{missing} planned runs are missing"] if missing else [])]
-
-
-def missing_runs(study: Study, folder: Path, seeds: int | None = None) -> int:
-    """Count the planned runs of the first `seeds` seeds, or of all, that are neither read nor broken."""
-    shown = study.seeds[:seeds]
-    planned = {job.folder(folder) for job in study.plan.jobs if seeds is None or job.seed in shown}
-    found = {record.folder for record in study.records.values()} | {path for path, _ in study.broken}
-    return len(planned - found)
-
-
-def render(study: Study, **shown: Any) -> str:
-    """Return the page.
-
-    `shown` goes to the template as it is: `arms` and `similar` are rows of tables, `pictures` the figures,
-    `missing` the number of planned runs without a result; the rest is what a page of claims shows.
-    """
+    records, computed = study.records.values(), study.computed()
+    words = {
+        key: f"{key}: {', '.join(f'{value} ({count})' for value, count in counts.items())}"
+        for key, counts in computed.items()
+    }
     page = study.claims.page or Path(__file__).parent / "page.html"
     environment = jinja2.Environment(
         loader=jinja2.FileSystemLoader([Path(__file__).parent, page.parent]),
@@ -106,14 +92,13 @@ def render(study: Study, **shown: Any) -> str:
         lstrip_blocks=True,
     )
     environment.filters["isfinite"] = isfinite
-    records = study.records.values()
-    computed = study.computed()
-    words = {
-        key: f"{key}: {', '.join(f'{value} ({count})' for value, count in counts.items())}"
-        for key, counts in computed.items()
-    }
-    return environment.get_template(page.name).render(
-        shown,
+    text = environment.get_template(page.name).render(
+        judged.shown,
+        arms=arms,
+        has_forgetting=any("forgetting" in row for row in arms),
+        similar=rows["table_2"],
+        missing=missing,
+        pictures=draw_all(study, output, lambda share: show(TABLES + (1 - TABLES) * share)),
         runs=len(records),
         profile=", ".join(sorted({r.profile for r in records})),
         episodes=", ".join(sorted({str(len(r.training.returns)) for r in records})),
@@ -122,34 +107,49 @@ def render(study: Study, **shown: Any) -> str:
         rules=describe_rules(study.plan.rules, study.claims.rules),
         mixed=[words[key] for key, counts in computed.items() if len(counts) > 1],
         computed=list(words.values()),
-        equation=EQUATION,
+        equation=tables.EQUATION,
         broken=study.broken,
     )
+    for name, content in (("index.html", text), ("verdicts.md", judged.markdown)):
+        if not content:
+            (output / name).unlink(missing_ok=True)
+            continue
+        with atomic_write(output / name) as draft:
+            draft.write_text(content)
+    return [*judged.lines, *([f"{missing} planned runs are missing"] if missing else [])]
 
 
 # Names of figures. Files of an earlier report with these names are removed unless they are drawn again.
-NAMES = (
-    *("pair_*", "reuse", "differences", "times", "gains", "gains_greedy", "gains_forest", "layers"),
-    "forest_*",
-)
-# Draws a figure of a width in inches; None if the study has no runs for it.
-Draw = Callable[[float], Figure | None]
+NAMES = ("pair_*", "reuse", "differences", "times", "gains*", "layers", "forest_*")
 
 
-def drawings(study: Study) -> dict[str, tuple[str, Draw]]:
-    """Return title and drawing function of each figure by its name, in the order of the page."""
+def drawings(study: Study) -> dict[str, tuple[str, Callable[[], Figure | None]]]:
+    """Return title and drawing function of each figure by its name, in the order of the page.
+
+    A function returns None if the study has no runs for its figure.
+    """
+    sections = {pair: curves.pair_sections(study, pair) for pair in pairs(study)}
     return {
         **{
-            f"pair_{pair}": (pair_title(study, pair), partial(draw_pair, study, pair))
-            for pair in pairs(study)
+            f"pair_{pair}": (curves.pair_title(study, pair), partial(curves.draw_returns, study, shown))
+            for pair, shown in sections.items()
         },
-        "reuse": (reuse_title(study), partial(draw_reuse, study)),
-        "differences": ("Differences from scratch along the training", partial(draw_differences, study)),
-        "times": ("Time to the threshold", partial(draw_times, study)),
-        "gains": ("Gains of transfer, by source and target", partial(draw_gains, study, "area")),
-        "gains_greedy": ("Gains of transfer in greedy returns", partial(draw_gains, study, "greedy area")),
-        "gains_forest": ("Gains of the pairs in greedy returns", partial(draw_forest, study)),
-        "layers": ("Similarity of layers", partial(draw_layers, study)),
+        "reuse": (
+            curves.reuse_title(study),
+            lambda: curves.draw_returns(study, curves.reuse_sections(study)),
+        ),
+        "differences": (
+            "Differences from scratch along the training",
+            lambda: curves.draw_differences(study),
+        ),
+        "times": ("Time to the threshold", lambda: curves.draw_times(study)),
+        "gains": ("Gains of transfer, by source and target", lambda: gains.draw_gains(study, "area")),
+        "gains_greedy": (
+            "Gains of transfer in greedy returns",
+            lambda: gains.draw_gains(study, "greedy area"),
+        ),
+        "gains_forest": ("Gains of the pairs in greedy returns", lambda: gains.draw_forest(study)),
+        "layers": ("Similarity of layers", lambda: gains.draw_layers(study)),
     }
 
 
@@ -159,21 +159,17 @@ def draw_all(study: Study, output: Path, show: Callable[[float], None]) -> list[
     `show` is told the share of the figures that are done.
 
     Returns:
-        For each figure its name, its title, and its PNGs for wide and narrow screens in base64.
+        For each figure its name, its title, and its PNG in base64.
     """
-    pictures, written = [], set()
-    planned = drawings(study)
-    for done, (name, (title, draw)) in enumerate(planned.items()):
-        show(done / len(planned))
-        wide, narrow = draw(WIDE), draw(NARROW)
-        if wide is None or narrow is None:
-            continue
-        paths = save(wide, output / name)
-        written |= set(paths)
-        forms = {"wide": paths[0].read_bytes(), "narrow": as_png(narrow)}
-        encoded = {form: base64.b64encode(data).decode() for form, data in forms.items()}
-        pictures.append({"name": name, "title": title} | encoded)
+    pictures, planned = [], drawings(study)
+    with matplotlib.rc_context(REPORT):
+        for done, (name, (title, draw)) in enumerate(planned.items()):
+            show(done / len(planned))
+            if figure := draw():
+                png = save(figure, output / name)
+                pictures.append({"name": name, "title": title, "png": base64.b64encode(png).decode()})
+    drawn = {picture["name"] for picture in pictures}
     for path in (path for name in NAMES for path in output.glob(f"{name}.*")):
-        if path.suffix in (".png", ".pdf") and path not in written:
+        if path.suffix in (".png", ".pdf") and path.stem not in drawn:
             path.unlink()
     return pictures

@@ -74,7 +74,7 @@ def test_a_claim_of_which_all_parts_are_sure_is_supported_and_its_opposite_contr
         for p, q in zip(tiny, sizes, strict=True)
     ]
     assert graded(*evidence) is Grade.supported
-    opposite = [replace(one, p=one.against, against=one.p) for one in evidence]
+    opposite = [one._replace(p=one.against, against=one.p) for one in evidence]
     assert graded(*opposite) is Grade.contradicted
 
 

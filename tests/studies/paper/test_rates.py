@@ -6,7 +6,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from ship_trl.study.statistics import Estimate, Sample, estimate_mean, p_below
+from ship_trl.study.statistics import Estimate, Sample, estimate_mean
 from studies.paper import rates
 from studies.paper.contrasts import Claimed, Spread, add_p_values, beats
 from studies.paper.judge import Claim, Finding, Grade, measure_parts
@@ -28,22 +28,14 @@ def findings(count: int, claimed: Claimed = Claimed.above, seeds: int = 15) -> l
 
 
 @pytest.mark.parametrize("claimed", [*Claimed])
-@pytest.mark.parametrize("seeds", [5, 15])
-def test_p_values_of_all_draws_are_those_of_each(claimed: Claimed, seeds: int) -> None:
-    (one,) = findings(1, claimed, seeds)
-    # The last draw is one seed again and again, so that nothing varies.
-    chosen = np.random.default_rng(1).integers(0, seeds, (20, seeds))
-    chosen[-1] = 0
-    samples, size = rates.sample(one, chosen), 2.0
-    p, against, small = rates.p_values(one, samples, size, len(chosen))
-    is_above = claimed is Claimed.above
-    assert (small is not None) is is_above
-    for k, seeds_of_draw in enumerate(chosen):
-        differences = np.array(one.found.differences) - one.found.value + (size * MARGIN if is_above else 0.0)
-        expected = contrast("", differences[seeds_of_draw], MARGIN, claimed)
-        assert (p[k], against[k]) == pytest.approx((expected.found.p, expected.found.against))
-        if small is not None:
-            assert small[k] == pytest.approx(p_below(differences[seeds_of_draw], MARGIN))
+def test_differences_are_moved_to_a_truth_of_as_many_margins(claimed: Claimed) -> None:
+    (one,) = findings(1, claimed, 5)
+    drawn = rates.move(one, 2.0, np.array([3, 3, 0, 1, 4])).found
+    truth = 2.0 * MARGIN if claimed is Claimed.above else 0.0
+    shifted = np.array(one.found.differences)[[3, 3, 0, 1, 4]] - one.found.value + truth
+    assert drawn.differences == pytest.approx(shifted)
+    expected = contrast("", np.array(drawn.differences), MARGIN, claimed).found
+    assert (drawn.p, drawn.against) == (expected.p, expected.against)
 
 
 def test_grades_follow_the_truth() -> None:

@@ -10,12 +10,12 @@ from ship_trl.study.plan import PAIRS
 from ship_trl.study.report.curves import (
     differences,
     draw_differences,
-    draw_pair,
-    draw_reuse,
+    draw_returns,
     draw_times,
+    pair_sections,
+    reuse_sections,
     steps,
 )
-from ship_trl.study.report.style import NARROW, WIDE
 from ship_trl.study.study import Study
 from tests.study.report.seen import across, heights, named, outline
 from tests.study.synthetic import BEST, RANDOM, make_record, make_study
@@ -23,8 +23,8 @@ from tests.study.synthetic import BEST, RANDOM, make_record, make_study
 ARMS = ("scratch", "FE1", "FE3", "FT2", "FTW")
 
 
-def drawn(study: Study, width: float = WIDE) -> Figure:
-    figure = draw_pair(study, "high", width)
+def drawn(study: Study) -> Figure:
+    figure = draw_returns(study, pair_sections(study, "high"))
     assert figure is not None
     return figure
 
@@ -77,13 +77,10 @@ def test_fewer_than_four_seeds_are_a_line_each(seeds: int, lines: int, filled: i
 
 
 def test_all_panels_share_their_axes() -> None:
-    for width in (WIDE, NARROW):
-        axes = drawn(make_study({(PAIRS, "high", arm): 0.5 for arm in ARMS}, seeds=4), width).axes
-        for below in (0, 1):
-            row = [axis for axis in axes if row_of(axis) == below]
-            assert len({axis.get_ylim() for axis in row}) == 1 and {axis.get_xlim() for axis in row} == {
-                (0, 120)
-            }
+    axes = drawn(make_study({(PAIRS, "high", arm): 0.5 for arm in ARMS}, seeds=4)).axes
+    for below in (0, 1):
+        row = [axis for axis in axes if row_of(axis) == below]
+        assert len({axis.get_ylim() for axis in row}) == 1 and {axis.get_xlim() for axis in row} == {(0, 120)}
 
 
 def test_reuse_has_a_panel_for_each_network() -> None:
@@ -98,7 +95,7 @@ def test_reuse_has_a_panel_for_each_network() -> None:
         },
         seeds=4,
     )
-    figure = draw_reuse(study, WIDE)
+    figure = draw_returns(study, reuse_sections(study))
     assert figure is not None
     names = [name for axis in figure.axes for name in named(axis)]
     epsilon = "\N{GREEK SMALL LETTER EPSILON}"
@@ -129,7 +126,7 @@ def test_what_is_added_to_each_seed_is_the_difference() -> None:
 def test_a_seed_that_one_of_them_lacks_does_not_count() -> None:
     _, curves = differences(shifted(0.25, without=3), ARM, BASE)
     assert len(curves) == 5 and curves == pytest.approx(np.full(curves.shape, 0.25))
-    figure = draw_differences(shifted(0.25, without=3), WIDE)
+    figure = draw_differences(shifted(0.25, without=3))
     assert figure is not None
     assert named(figure.axes[0]) == ["FE1 (5)"]
 
@@ -156,7 +153,7 @@ def test_runs_that_never_get_there_keep_the_share_below_one() -> None:
 
 
 def test_the_panel_says_how_many_of_how_many() -> None:
-    figure = draw_times(reaching([10, None, 50]), WIDE)
+    figure = draw_times(reaching([10, None, 50]))
     assert figure is not None
     assert named(figure.axes[0]) == ["FE1 2/3"]
     (line,) = [line for line in figure.axes[0].lines if len(across(line))]

@@ -8,7 +8,6 @@ from ship_trl.files.curve import GREEDY
 from ship_trl.study.compare import gain
 from ship_trl.study.metrics import measure
 from ship_trl.study.report.gains import FOREST_METRIC, draw_forest, measure_forests
-from ship_trl.study.report.style import NARROW, WIDE
 from ship_trl.study.statistics import interquartile_mean
 from ship_trl.study.study import Study
 from tests.study.report.seen import across, heights
@@ -17,8 +16,8 @@ from tests.study.synthetic import make_record, make_study, with_curve
 PAIR = {("pairs", "high", "scratch"): 0.5, ("pairs", "high", "FTW"): 0.9, ("pairs", "high", "FE1"): 0.7}
 
 
-def drawn(study: Study, width: float = WIDE) -> Figure:
-    figure = draw_forest(study, width)
+def drawn(study: Study) -> Figure:
+    figure = draw_forest(study)
     assert figure is not None
     return figure
 
@@ -45,8 +44,6 @@ def test_arms_are_rows_and_pairs_are_panels() -> None:
     assert rows == ["FE1", "FT2", "FTW", "FE3-random"]
     first, second = figure.axes
     assert first.get_position().x0 < second.get_position().x0
-    upper, lower = drawn(study, NARROW).axes
-    assert upper.get_position().y0 > lower.get_position().y0
     # From the top down, each value on its row.
     values = {
         float(heights(line)[0]): float(across(line)[0]) for line in first.lines if line.get_marker() == "o"
@@ -65,5 +62,5 @@ def test_where_nothing_can_be_gained_there_is_no_panel() -> None:
     for key, record in best.items():
         # The first evaluation too has the best known return.
         best[key] = with_curve(record, GREEDY, returns=np.full(41, record.best_known))
-    assert draw_forest(Study(best), WIDE) is None
-    assert draw_forest(make_study({("pairs", "high", "FE1"): 0.5}), WIDE) is None
+    assert draw_forest(Study(best)) is None
+    assert draw_forest(make_study({("pairs", "high", "FE1"): 0.5})) is None

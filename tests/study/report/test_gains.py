@@ -9,7 +9,6 @@ from matplotlib.figure import Figure
 
 from ship_trl.study.compare import gain
 from ship_trl.study.report.gains import MIDDLE_LUMINANCE, draw_gains, luminance, measure_gains
-from ship_trl.study.report.style import NARROW, WIDE
 from ship_trl.study.study import Study
 from tests.study.synthetic import GAIN, make_study, told
 
@@ -21,8 +20,8 @@ REUSED = {
 }
 
 
-def drawn(study: Study, metric: str = "area", width: float = WIDE) -> Figure:
-    figure = draw_gains(study, metric, width)
+def drawn(study: Study, metric: str = "area") -> Figure:
+    figure = draw_gains(study, metric)
     assert figure is not None
     return figure
 
@@ -57,16 +56,15 @@ def test_reuse_lies_apart_and_no_column_is_blank() -> None:
     assert list(found["new"]) == ["reused, \N{GREEK SMALL LETTER EPSILON} 0.1", "case 2"]
 
 
-@pytest.mark.parametrize("width", [WIDE, NARROW])
-def test_a_cell_says_how_sure_its_number_is_and_what_could_be_gained(width: float) -> None:
+def test_a_cell_says_how_sure_its_number_is_and_what_could_be_gained() -> None:
     study = make_study({**PAIR, **REUSED}, seeds=6)
-    shown = cells(drawn(study, width=width))
+    shown = cells(drawn(study))
     found = gain(study, ("pairs", "high", "FE1"), ("pairs", "high", "scratch"))
     assert found and found.low < found.value < found.high
     assert f"{found.value:+.2f}" in shown and f"{found.low:+.2f} to {found.high:+.2f}" in shown
     # Three cells of a number and its interval, and what could be gained on case 2.
     assert len(shown) == 7 and f"{GAIN['area']:+.2f}" in shown
-    assert len(cells(drawn(study, "greedy area", width))) == 6
+    assert len(cells(drawn(study, "greedy area"))) == 6
 
 
 def test_bold_and_brackets_are_explained_in_the_figure() -> None:

@@ -7,7 +7,6 @@ import numpy as np
 import pytest
 
 from ship_trl.study.report.gains import draw_layers
-from ship_trl.study.report.style import WIDE
 from ship_trl.study.report.tables import layer_rows
 from ship_trl.study.statistics import interquartile_mean
 from ship_trl.study.tables import OTHER_SEED, SCRATCH, UNTRAINED, Layer
@@ -42,4 +41,4 @@ def test_each_layer_of_each_two_networks_has_a_row() -> None:
 
 def test_what_was_not_measured_has_neither_rows_nor_a_figure() -> None:
     bare = replace(STUDY, layers=[])
-    assert layer_rows(bare) == [] and draw_layers(bare, WIDE) is None
+    assert layer_rows(bare) == [] and draw_layers(bare) is None

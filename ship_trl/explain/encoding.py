@@ -1,8 +1,15 @@
-"""Linear probes: how well ridge regression reads a quantity from a layer (Alain and Bengio 2016).
+"""What a layer encodes, from the Gram matrix of its activations: linear probes, and CKA with another layer.
 
-A good probe does not show that training put the quantity into the layer: pixels and random layers hold it
-too. The controls are raw pixels, the same layer of untrained networks, and shuffled labels. Intervals are of
-resampled episodes: states of one episode are alike and no independent draws.
+A probe is a ridge regression from a layer to a quantity (Alain and Bengio 2016). A good probe does not show
+that training put the quantity into the layer: pixels and random layers hold it too. The controls are raw
+pixels, the same layer of untrained networks, and shuffled labels. Intervals are of resampled episodes: states
+of one episode are alike and no independent draws.
+
+Linear CKA (Kornblith, Norouzi, Lee and Hinton 2019, Similarity of Neural Network Representations Revisited)
+is HSIC(K, L) / sqrt(HSIC(K, K) HSIC(L, L)), where K = X X' and L = Y Y' are the Gram matrices of the
+activations X [N, P] and Y [N, Q]. It is 1 if Y is a rotated and scaled X. HSIC is estimated without bias
+(Song et al. 2012, Feature Selection via Dependence Maximization). With bias, independent noise would look
+similar in the first layers, where features outnumber states.
 """
 
 from __future__ import annotations
@@ -13,6 +20,7 @@ from dataclasses import dataclass
 
 import numpy as np
 import scipy.linalg
+from torch import Tensor
 
 from ship_trl.explain.states import Bools, Floats, Ints, Quantity, StateSet
 from ship_trl.study.statistics import CONFIDENCE, Estimate
@@ -21,6 +29,19 @@ RESAMPLES = 2000
 UNKNOWN = Estimate(math.nan, math.nan, math.nan)
 # In units of the Gram matrix's mean diagonal.
 PENALTIES = tuple(float(10.0**power) for power in range(-5, 3))
+JACKKNIFE_GROUPS = 10
+# Half an interval, in standard errors, at `CONFIDENCE`.
+STANDARD_ERRORS = 1.96
+assert CONFIDENCE == 0.95
+
+
+def gram(activations: Tensor) -> Floats:
+    """Compute the Gram matrix of activations, [N, ...] to [N, N], with a diagonal of mean 1 (or zeros)."""
+    flat = activations.flatten(1).float()
+    flat = flat - flat.mean(0)
+    kernel = (flat @ flat.T).double().numpy()
+    scale = float(np.trace(kernel)) / len(kernel)
+    return kernel / scale if scale > 0 else kernel
 
 
 @dataclass(frozen=True)
@@ -136,3 +157,34 @@ def state_mean(values: Floats | Bools, episode: Ints, generator: np.random.Gener
     sums = per_episode(np.stack((values, np.ones_like(values)), 1).astype(np.float64), episode)
     resampled = resamples(len(sums), generator) @ sums
     return interval(float(values.mean()), resampled[:, 0] / resampled[:, 1])
+
+
+def hsic(k: Floats, l: Floats) -> float:  # noqa: E741 (the names of the paper)
+    """Estimate the Hilbert-Schmidt independence criterion of two Gram matrices [N, N] without bias; N > 3."""
+    n = len(k)
+    k, l = k - np.diag(np.diag(k)), l - np.diag(np.diag(l))  # noqa: E741
+    product, rows = float((k * l).sum()), float(k.sum(0) @ l.sum(0))
+    whole = float(k.sum() * l.sum()) / ((n - 1) * (n - 2))
+    return (product + whole - 2 * rows / (n - 2)) / (n * (n - 3))
+
+
+def cka(k: Floats, l: Floats) -> float:  # noqa: E741
+    """Compute debiased linear CKA of two Gram matrices [N, N]; NaN if one of them is constant."""
+    scale = hsic(k, k) * hsic(l, l)
+    return hsic(k, l) / math.sqrt(scale) if scale > 0 else math.nan
+
+
+def estimate_cka(k: Floats, l: Floats, episode: Ints) -> Estimate:  # noqa: E741
+    """Compute CKA with a jackknife interval over groups of whole episodes.
+
+    A bootstrap would repeat states, and a repeated state is similar to itself.
+    """
+    group = np.unique(episode, return_inverse=True)[1] % JACKKNIFE_GROUPS
+    value = cka(k, l)
+    left_out = []
+    for g in range(JACKKNIFE_GROUPS):
+        kept = np.flatnonzero(group != g)
+        left_out.append(cka(k[np.ix_(kept, kept)], l[np.ix_(kept, kept)]))
+    deviations = np.array(left_out) - np.mean(left_out)
+    error = math.sqrt((JACKKNIFE_GROUPS - 1) / JACKKNIFE_GROUPS * float((deviations**2).sum()))
+    return Estimate(value, value - STANDARD_ERRORS * error, min(1.0, value + STANDARD_ERRORS * error))

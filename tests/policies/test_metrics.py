@@ -7,12 +7,11 @@ from dataclasses import dataclass
 import pytest
 import torch
 from torch import Tensor
-from torch.nn.utils.rnn import pad_sequence
 
 from ship_trl.config.bounds import RULES
 from ship_trl.config.types import World
 from ship_trl.learn.rollout import Episode
-from ship_trl.policies.metrics import Measurements, Scores, measure_episodes, safety_score, score_rules
+from ship_trl.policies.metrics import Measurements, measure_episodes, safety_score, score_rules
 from ship_trl.policies.steering import Steering
 from ship_trl.sim.cases import Case, load_case, load_world
 from ship_trl.sim.encounter import Encounter, classify
@@ -119,13 +118,9 @@ class Ship:
     rules: dict[int, float]
 
 
-def score_all(*tracks: Tensor) -> Scores:
-    last = torch.tensor([len(one) - 1 for one in tracks])
-    return score_rules(pad_sequence(list(tracks), batch_first=True), last, WORLD)
-
-
 def score(case: Case, *held: tuple[int, int]) -> Ship:
-    found = score_all(track(WORLD, case, *held))
+    states = track(WORLD, case, *held)
+    found = score_rules(states[None], torch.tensor([len(states) - 1]), WORLD)
     kind, onset, manoeuvre = (part[0, 0].item() for part in found[:3])
     known = dict(zip(RULES, found.rules[0, 0].tolist(), strict=True))
     rules = {rule: value for rule, value in known.items() if not math.isnan(value)}
@@ -174,18 +169,6 @@ def test_stand_on_keeps_course(make_case: Callable[..., Case]) -> None:
     assert kept.encounter is turned.encounter is Encounter.STAND_ON
     assert set(kept.rules) == {17} and kept.rules[17] > 0
     assert turned.rules == {17: 0}
-
-
-def test_padding_and_other_rows_do_not_matter() -> None:
-    tracks = [
-        track(WORLD, IMAZU[1], (STARBOARD, 8), (STRAIGHT, 25)),
-        track(WORLD, IMAZU[2], (STRAIGHT, 12), (STARBOARD, 5)),
-        track(WORLD, IMAZU[4], (PORT, 20)),
-    ]
-    together = score_all(*tracks)
-    for row, one in enumerate(tracks):
-        for part, alone in zip(together, score_all(one), strict=True):
-            torch.testing.assert_close(part[row : row + 1], alone, equal_nan=True)
 
 
 def safety(distance: float, bearing: float = 0.0, aspect: float = 0.0) -> float:

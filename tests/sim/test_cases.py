@@ -11,6 +11,8 @@ from ship_trl.config.errors import ConfigError
 from ship_trl.config.paths import conf_dir
 from ship_trl.config.types import World
 from ship_trl.sim.cases import (
+    GIVES_WAY,
+    HOLDS_COURSE,
     MAX_TARGET_SHIPS,
     Case,
     conf_files,
@@ -20,6 +22,7 @@ from ship_trl.sim.cases import (
     to_course,
     to_heading,
 )
+from ship_trl.sim.state import initial_state
 
 PAPER = ["1", "2", "3", "4", "5", "6", "new"]
 BUNDLED = [*PAPER, "ship"]
@@ -89,6 +92,7 @@ def test_the_fingerprint_depends_on_the_values_not_the_name(tmp_path: Path, worl
         (with_value("goal", "[0.0, 1.0e+300]"), "goal[1]"),
         (with_value("goal", "[0.0, 600.0, 5.0]"), "goal"),
         (with_ship(speed="-1.0"), "target_ships[0].speed"),
+        (with_ship(behaviour="rams"), "target_ships[0].behaviour: must be one of holds, gives_way"),
         (with_ship(x="10.0", y="43.0", heading="0.0"), "target_ships[0]"),
         (with_value("goal", "[0.0, 60.0]"), "goal"),
         (with_value("goal", "[0.0, 2000.0]"), "goal: cannot be reached: 1940 m"),
@@ -147,6 +151,13 @@ def test_a_unit_scales_coordinates_and_nothing_else(tmp_path: Path, world: World
     assert case == plain and case.fingerprint == plain.fingerprint
     assert (case.heading, case.target_ships[0].heading, case.target_ships[0].speed) == (90.0, 180.0, 15.0)
     assert load_case(str(tmp_path / "mine.yaml"), world, unit=0.5).target_ships[0].x == 75.0
+
+
+def test_a_case_file_may_name_the_behaviour(tmp_path: Path, world: World) -> None:
+    texts = (with_ship(behaviour=one) for one in ("", "holds", "gives_way"))
+    plain, holds, gives_way = (load_text(text, tmp_path, world) for text in texts)
+    assert plain.fingerprint == holds.fingerprint != gives_way.fingerprint
+    assert [float(initial_state(one, world)[-1]) for one in (plain, gives_way)] == [HOLDS_COURSE, GIVES_WAY]
 
 
 def test_a_goal_at_the_end_of_the_last_step_is_reached(tmp_path: Path, world: World) -> None:

@@ -2,19 +2,16 @@
 
 import math
 from dataclasses import replace
-from pathlib import Path
 
 import pytest
 import torch
 from torch import Tensor
 
-from ship_trl.config.errors import ConfigError
 from ship_trl.fast.worlds import make_step
 from ship_trl.sim.cases import (
     GIVES_WAY,
     HOLDS_COURSE,
     Behaviour,
-    Case,
     TargetShip,
     load_case,
     load_world,
@@ -134,25 +131,3 @@ def test_of_two_ships_at_most_one_gives_way_unless_they_meet_head_on() -> None:
     both = must_give_way(one, other) & must_give_way(other, one)
     head_on = (one.abs() <= math.radians(5)) & (other.abs() <= math.radians(5))
     assert torch.equal(both, head_on)
-
-
-FILE = """start: [0, 0]
-heading: 90
-goal: [0, 600]
-ideal_path: straight
-target_ships:
-  - {{x: 0, y: 600, heading: 270, speed: 15{behaviour}}}
-"""
-
-
-def test_a_case_file_may_name_the_behaviour(tmp_path: Path) -> None:
-    def load(behaviour: str) -> Case:
-        (tmp_path / "mine.yaml").write_text(FILE.format(behaviour=behaviour))
-        return load_case(str(tmp_path / "mine.yaml"), WORLD)
-
-    plain, holds, gives_way = load(""), load(", behaviour: holds"), load(", behaviour: gives_way")
-    assert plain.fingerprint == holds.fingerprint != gives_way.fingerprint
-    wanted = [HOLDS_COURSE, HOLDS_COURSE, GIVES_WAY]
-    assert [float(initial_state(one, WORLD)[-1]) for one in (plain, holds, gives_way)] == wanted
-    with pytest.raises(ConfigError, match=r"target_ships\[0\].behaviour: must be one of holds, gives_way"):
-        load(", behaviour: rams")

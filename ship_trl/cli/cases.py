@@ -115,15 +115,11 @@ def draw_cases(path: Path, cases: dict[str, Case], world: World) -> None:
 
 def draw_traffic(path: Path, suite: Suite, world: World) -> None:
     """Write a page of scenes of random encounters, each drawn by its seed."""
-    import torch
-    from torch import Generator
-
-    from ship_trl.fast.worlds import make_starts
+    from ship_trl.policies.named import draw_starts
     from ship_trl.view.pages import write_case_page
 
-    starts = make_starts(suite, world)
-    states = [starts.sample(1, Generator().manual_seed(seed)) for seed in range(EXAMPLES)]
-    write_case_page(path, [f"seed {seed}" for seed in range(EXAMPLES)], torch.cat(states), world)
+    states = draw_starts(suite, world, EXAMPLES, 0)
+    write_case_page(path, [f"seed {seed}" for seed in range(EXAMPLES)], states, world)
 
 
 def show_cases(cases: dict[str, Case]) -> None:

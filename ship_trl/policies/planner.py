@@ -20,7 +20,7 @@ from torch import Tensor
 from ship_trl.config.types import World
 from ship_trl.sim.cases import Case
 from ship_trl.sim.encounter import ship_velocities
-from ship_trl.sim.geometry import angle_off_bow, unit_vector
+from ship_trl.sim.geometry import unit_vector
 from ship_trl.sim.reward import MAX_SHIP_DISTANCE, POSITION_TOLERANCE, PaidStep, step_reward
 from ship_trl.sim.state import (
     HEADING,
@@ -30,8 +30,8 @@ from ship_trl.sim.state import (
     STEP,
     YAW_RATE,
     X,
-    goal,
     goal_distance,
+    goal_off_bow,
     initial_state,
     is_present,
     position,
@@ -228,7 +228,7 @@ class ValueBound:
         before = state.reshape(-1, 1, OWN_SIZE).expand(-1, count, -1)
         after = advance(before, torch.arange(count).expand(len(before), -1), motions, world.dt)
         distance = goal_distance(after)
-        off_bow = angle_off_bow(position(after), after[..., HEADING], goal(after))
+        off_bow = goal_off_bow(after)
         at_goal = distance <= world.goal_distance + POSITION_TOLERANCE
         reward, collision = self._best_rewards(distance, off_bow, at_goal)
         self.max_error = MAX_ERROR_SHARE * float(reward.max() - reward.min())
@@ -280,7 +280,6 @@ class ValueBound:
 
     def __call__(self, state: Tensor) -> Tensor:
         """Return the upper bounds [N] of states [N, S], which must all be at the same step."""
-        off_bow = angle_off_bow(position(state), state[:, HEADING], goal(state))
-        corners, weights = self._corners(goal_distance(state), off_bow)
+        corners, weights = self._corners(goal_distance(state), goal_off_bow(state))
         steps_left = max(0, self.transition.world.max_steps - int(state[0, STEP]))
         return (self.table[steps_left][corners] * weights).sum(-1)

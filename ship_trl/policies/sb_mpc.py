@@ -100,7 +100,11 @@ class SimulationBasedMPC:
 
     def __call__(self, step: TensorDictBase) -> TensorDictBase:
         """Write `action` for the states of a batch."""
-        state = step["state"]
+        state, world = step["state"], self.world
+        # The greatest hazard along each plan, [N, P].
+        hazard = np.zeros((len(state), len(self.first)))
+        rows, safe = state.double().cpu().numpy(), world.safe_distance + MARGIN
+        write_hazards(rows, self.tracks, world.dt, world.goal_distance, safe, hazard)
         course = goal_course(state)
         if len(self.last) != len(state):
             self.last = course
@@ -109,7 +113,7 @@ class SimulationBasedMPC:
         change = wrap_angle(final - last[:, None])
         k_change = torch.where(change > 0, K_CHANGE_PORT, K_CHANGE_STARBOARD)
         cost = (
-            self.hazards(state)
+            torch.from_numpy(hazard).to(state)
             + K_SPEED * (1 - self.factors)
             + K_COURSE * wrap_angle(final - course[:, None]).square()
             + k_change * change.square()
@@ -117,13 +121,6 @@ class SimulationBasedMPC:
         best = cost.argmin(-1)
         self.last = final.gather(1, best[:, None])[:, 0]
         return step.set("action", self.first[best])
-
-    def hazards(self, state: Tensor) -> Tensor:
-        """Return the greatest hazard along each plan, [N, P], for states [N, S]."""
-        world, hazard = self.world, np.zeros((len(state), len(self.first)))
-        rows, safe = state.double().cpu().numpy(), world.safe_distance + MARGIN
-        write_hazards(rows, self.tracks, world.dt, world.goal_distance, safe, hazard)
-        return torch.from_numpy(hazard).to(state)
 
 
 @compiled()

@@ -13,7 +13,6 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
-from dataclasses import dataclass
 from itertools import product
 from typing import Any
 
@@ -26,7 +25,6 @@ from ship_trl.config.errors import ConfigError
 from ship_trl.config.types import Traffic, World
 from ship_trl.sim.cases import GIVES_WAY, HOLDS_COURSE, Suite
 from ship_trl.sim.encounter import Encounter, bearing_of, classify
-from ship_trl.sim.geometry import angle_off_bow
 from ship_trl.sim.state import (
     GOAL_Y,
     HEADING,
@@ -43,6 +41,7 @@ from ship_trl.sim.state import (
     Y,
     goal,
     goal_distance,
+    goal_off_bow,
     initial_state,
     is_present,
     position,
@@ -65,29 +64,16 @@ HOLD, STRAIGHT = (11, 7, 16, 4, 2), (4, 0, 9, 15)
 MAX_SHIPS, MAX_SCENES = 1000, 1000
 # A ship must have had its class of encounter for this long (s) when the episode begins.
 CLASS_SECONDS = 3.0
-
-
-@dataclass(frozen=True)
-class Band:
-    """What target ships of a class are drawn from.
-
-    `courses` are relative to own ship's, in degrees; `sides` their two equally likely signs, positive
-    counter-clockwise; `speeds` are shares of own ship's speed, None stands for a bound of the traffic.
-    """
-
-    courses: tuple[float, float]
-    sides: tuple[int, int]
-    speeds: tuple[float | None, float | None] = (None, None)
-
-
-BANDS = {
-    Encounter.HEAD_ON: Band((175, 180), (1, -1)),
+# What target ships of a class are drawn from: courses relative to own ship's in degrees, their two equally
+# likely signs, positive counter-clockwise, and speeds as shares of own ship's; None is the traffic's bound.
+BANDS: dict[Encounter, tuple[tuple[float, float], tuple[int, int], tuple[float | None, float | None]]] = {
+    Encounter.HEAD_ON: ((175, 180), (1, -1), (None, None)),
     # A ship from starboard heads to port.
-    Encounter.GIVE_WAY: Band((10, 175), (1, 1)),
-    Encounter.STAND_ON: Band((10, 175), (-1, -1)),
-    Encounter.OVERTAKING: Band((0, 65), (1, -1), (None, 0.8)),
+    Encounter.GIVE_WAY: ((10, 175), (1, 1), (None, None)),
+    Encounter.STAND_ON: ((10, 175), (-1, -1), (None, None)),
+    Encounter.OVERTAKING: ((0, 65), (1, -1), (None, 0.8)),
     # Only a faster ship comes up from behind.
-    Encounter.OVERTAKEN: Band((0, 65), (1, -1), (1.2, 1.5)),
+    Encounter.OVERTAKEN: ((0, 65), (1, -1), (1.2, 1.5)),
 }
 
 
@@ -273,14 +259,15 @@ class TrafficStarts:
 
     def _band(self, encounter: Encounter) -> list[float]:
         """Return what ships of a class are drawn from, as `draw_ship` takes it."""
-        band, ends = BANDS[encounter], zip(BANDS[encounter].speeds, self.traffic.speeds, strict=True)
+        courses, sides, shares = BANDS[encounter]
+        ends = zip(shares, self.traffic.speeds, strict=True)
         slow, fast = (bound if share is None else share * self.speed for share, bound in ends)
         if slow > fast:
             raise ConfigError(
                 f"suite: traffic: speeds: must begin at {fast:g} m/s or less for the class "
                 f"{encounter.name.lower()}, got {slow:g}"
             )
-        return [*map(math.radians, band.courses), *band.sides, slow, fast]
+        return [*map(math.radians, courses), *sides, slow, fast]
 
     def _manoeuvres(self, world: World) -> tuple[NDArray[np.float64], NDArray[np.int64]]:
         """Return own ship's places [P, T, 2] in manoeuvres that reach the goal, and their steps [P]."""
@@ -292,8 +279,7 @@ class TrafficStarts:
         state, places = self.states.repeat(len(plans), 1), []
         arrival = torch.zeros(len(plans), dtype=torch.int64, device="cpu")
         for step in range(world.max_steps):
-            off_bow = angle_off_bow(position(state), state[:, HEADING], goal(state))
-            steering = (off_bow[:, None] - turns).abs().argmin(-1)
+            steering = (goal_off_bow(state)[:, None] - turns).abs().argmin(-1)
             chosen = torch.where(step < hold, action, torch.full_like(action, straight))
             chosen = torch.where(step < hold + after, chosen, steering)
             outcome = transition(state, chosen)

@@ -15,6 +15,7 @@ from torch import Tensor
 
 from ship_trl.config.types import World
 from ship_trl.sim.cases import BEHAVIOURS, HOLDS_COURSE, Behaviour, Case, Suite, TargetShip
+from ship_trl.sim.geometry import angle_off_bow
 
 X, Y, HEADING, SPEED, YAW_RATE, GOAL_X, GOAL_Y, STEP, SHIP_COUNT = range(9)
 OWN_SIZE = 9
@@ -98,6 +99,11 @@ def goal_course(state: Tensor) -> Tensor:
     """Return the headings (rad) [...] from own ship to the goal in states [..., S]."""
     east, north = (goal(state) - position(state)).unbind(-1)
     return torch.atan2(north, east)
+
+
+def goal_off_bow(state: Tensor) -> Tensor:
+    """Return theta_2, the angles (rad) [...] from own ship's heading to the goal, in states [..., S]."""
+    return angle_off_bow(position(state), state[..., HEADING], goal(state))
 
 
 def goal_distance(state: Tensor) -> Tensor:

@@ -12,7 +12,7 @@ from torch import Tensor
 from ship_trl.config.world import GiveWay, World
 from ship_trl.sim.cases import GIVES_WAY, GIVING_WAY, HOLDS_COURSE
 from ship_trl.sim.encounter import must_give_way, relative_motion
-from ship_trl.sim.geometry import angle_off_bow, closest_approach, unit_vector
+from ship_trl.sim.geometry import closest_approach, unit_vector
 from ship_trl.sim.reward import (
     MAX_SHIP_DISTANCE,
     POSITION_TOLERANCE,
@@ -32,6 +32,7 @@ from ship_trl.sim.state import (
     YAW_RATE,
     goal,
     goal_distance,
+    goal_off_bow,
     is_present,
     position,
     relative_positions,
@@ -165,8 +166,7 @@ class Transition:
     def _paid_step(self, action: Tensor, outcome: Outcome) -> PaidStep:
         """Return what steps are paid for."""
         state = outcome.state
-        off_bow = angle_off_bow(position(state), state[:, HEADING], goal(state))
         reached, collided = outcome.goal.to(state.dtype), outcome.collision.to(state.dtype)
         nearest = outcome.min_distance.clamp(max=MAX_SHIP_DISTANCE)
         speed, turn = self.actions[action].unbind(-1)
-        return PaidStep(goal_distance(state), off_bow, reached, collided, nearest, speed, turn)
+        return PaidStep(goal_distance(state), goal_off_bow(state), reached, collided, nearest, speed, turn)

@@ -9,15 +9,14 @@ from ship_trl.config.bounds import SHIP_NUMBERS
 from ship_trl.config.types import World
 from ship_trl.sim import scene
 from ship_trl.sim.encounter import own_velocity, ship_velocities
-from ship_trl.sim.geometry import angle_off_bow, unit_vector
+from ship_trl.sim.geometry import unit_vector
 from ship_trl.sim.state import (
     HEADING,
     SPEED,
     YAW_RATE,
-    goal,
     goal_distance,
+    goal_off_bow,
     is_present,
-    position,
     relative_positions,
 )
 
@@ -49,8 +48,7 @@ class VectorObservation:
 
     def __call__(self, state: Tensor) -> Tensor:
         """Observe states [..., S]; return float32 [..., F]."""
-        heading = state[..., HEADING]
-        bearing = angle_off_bow(position(state), heading, goal(state))
+        bearing = goal_off_bow(state)
         own = (
             goal_distance(state) / scene.VIEW_RADIUS,
             bearing.sin(),

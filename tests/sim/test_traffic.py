@@ -14,15 +14,12 @@ from ship_trl.config.types import World
 from ship_trl.fast.worlds import make_env, make_starts
 from ship_trl.sim.cases import load_suite
 from ship_trl.sim.encounter import Encounter, classify, relative_motion
-from ship_trl.sim.geometry import angle_off_bow
 from ship_trl.sim.starts import TrafficStarts
 from ship_trl.sim.state import (
-    HEADING,
     SHIP_COUNT,
-    goal,
     goal_distance,
+    goal_off_bow,
     is_present,
-    position,
     target_ships,
 )
 from ship_trl.sim.transition import Transition
@@ -87,8 +84,7 @@ def test_in_every_scene_a_simple_manoeuvre_reaches_the_goal(world: World) -> Non
     state = states.repeat_interleave(len(plans), 0)
     is_over, arrived = torch.zeros(2, len(state), dtype=torch.bool)
     for step in range(world.max_steps):
-        off_bow = angle_off_bow(position(state), state[:, HEADING], goal(state))
-        steering = (off_bow[:, None] - transition.actions[:, 1]).abs().argmin(-1)
+        steering = (goal_off_bow(state)[:, None] - transition.actions[:, 1]).abs().argmin(-1)
         chosen = torch.where(step < hold, action, 3)
         outcome = transition(state, torch.where(step < hold + straight, chosen, steering))
         arrived |= outcome.goal & ~is_over

@@ -36,6 +36,7 @@ from ship_trl.cli.parser import add_number, make_parser
 from ship_trl.config.bounds import Seed
 from ship_trl.config.network import load_network
 from ship_trl.config.schema import read_as
+from ship_trl.config.types import Learn
 from ship_trl.fast.worlds import make_env, make_starts
 from ship_trl.files.disk import atomic_write
 from ship_trl.gym import ShipCollisionVectorEnv
@@ -52,33 +53,11 @@ TEST_SUITE, MINUTES, EVERY = "traffic_test", 10.0, 0.5
 # Shares of test scenes solved that the table has the minutes of.
 GOALS = (0.90, 0.95)
 TABLE, PICTURE = Path("outputs/curves.csv"), Path("outputs/curves.png")
-NUM_ENVS = 64
 # Ours takes about as many in its 26,000 episodes; a number of whole rollouts of PPO.
 STEPS = 290 * 4096
 # All ships at once: layers that see one ship at a time are ours.
-REWARD_SCALE, GAMMA, LAYERS = 0.1, 0.97, [256, 256, 256]
-# Settings that Stable-Baselines3's users would choose. What ours has too is as in conf/profile/traffic.yaml.
-DQN_SETTINGS: dict[str, Any] = {
-    "learning_rate": 5e-4,
-    "buffer_size": 200_000,
-    "learning_starts": 2000,
-    "batch_size": 128,
-    "n_steps": 3,
-    # Four updates every 64 steps, and the target network follows by as much as by 0.01 an update.
-    "train_freq": 1,
-    "gradient_steps": 4,
-    "target_update_interval": NUM_ENVS,
-    "tau": 0.04,
-    "exploration_fraction": 0.33,
-    "exploration_final_eps": 0.03,
-}
-PPO_SETTINGS: dict[str, Any] = {
-    "learning_rate": 3e-4,
-    "n_steps": 64,
-    "batch_size": 512,
-    "n_epochs": 10,
-    "ent_coef": 0.01,
-}
+LAYERS = [256, 256, 256]
+RUN = ("target=traffic", "profile=traffic", "method=scratch", "observation=vector")
 # Takes the greedy policy, the steps so far and whether training ends; returns whether to continue.
 Record = Callable[[Policy, int, bool], bool]
 
@@ -151,8 +130,7 @@ def main(arguments: list[str]) -> None:
 
 def train_ours(seed: int, record: Record) -> None:
     """Train as a run does, but without its own evaluations, until `record` returns False."""
-    words = ("target=traffic", "profile=traffic", "method=scratch", "observation=vector", f"seed={seed}")
-    ours = Ours(plan(*words, "learn.evaluate_every=1000000", "learn.evaluate_episodes=1"))
+    ours = Ours(plan(*RUN, f"seed={seed}", "learn.evaluate_every=1000000", "learn.evaluate_episodes=1"))
     training, policy = ours.training, ours.algorithm.greedy
     while record(policy, training.steps, training.is_finished):
         for _ in training.advance():
@@ -248,18 +226,42 @@ def greedy_policy(model: BaseAlgorithm) -> Policy:
     return act
 
 
+def train_dqn(seed: int, record: Record) -> None:
+    """Train DQN with the settings of our run; the library's user would choose the others so."""
+    learn = plan(*RUN).config.learn
+    # After a step of all ships: as many updates as ours makes, and the target network follows by as much.
+    updates = learn.num_envs // learn.update_every
+    settings: dict[str, Any] = {
+        "learning_rate": learn.lr,
+        "buffer_size": learn.replay_size,
+        "learning_starts": learn.warmup_steps,
+        "batch_size": learn.batch_size,
+        "n_steps": 3,
+        "train_freq": 1,
+        "gradient_steps": updates,
+        "target_update_interval": learn.num_envs,
+        "tau": updates * learn.tau,
+        "exploration_fraction": learn.epsilon_fraction,
+        "exploration_final_eps": learn.epsilon_end,
+    }
+    train_peer(DQN, settings, learn, seed, record)
+
+
+def train_ppo(seed: int, record: Record) -> None:
+    """Train PPO with settings that the library's users would choose."""
+    settings = {"learning_rate": 3e-4, "n_steps": 64, "batch_size": 512, "n_epochs": 10, "ent_coef": 0.01}
+    train_peer(PPO, settings, plan(*RUN).config.learn, seed, record)
+
+
 def train_peer(
-    kind: Callable[..., BaseAlgorithm], settings: dict[str, Any], seed: int, record: Record
+    kind: Callable[..., BaseAlgorithm], settings: dict[str, Any], learn: Learn, seed: int, record: Record
 ) -> None:
     """Train a model on suite `traffic` for `STEPS` steps, or until `record` returns False."""
-    envs = ShipCollisionVectorEnv(NUM_ENVS, "traffic", reward_scale=REWARD_SCALE, observation="vector")
-    common: dict[str, Any] = {"gamma": GAMMA, "policy_kwargs": {"net_arch": LAYERS}, "device": "cpu"}
-    model = kind("MlpPolicy", ShipVecEnv(envs), seed=seed, **common, **settings)
+    made: dict[str, Any] = {"reward_scale": learn.reward_scale, "observation": "vector"}
+    envs = ShipVecEnv(ShipCollisionVectorEnv(learn.num_envs, "traffic", **made))
+    common: dict[str, Any] = {"gamma": learn.gamma, "policy_kwargs": {"net_arch": LAYERS}, "device": "cpu"}
+    model = kind("MlpPolicy", envs, seed=seed, **common, **settings)
     model.learn(STEPS, Recorder(record, greedy_policy(model)))
 
 
-LEARNERS: dict[str, Callable[[int, Record], None]] = {
-    "ours": train_ours,
-    "SB3 DQN": partial(train_peer, DQN, DQN_SETTINGS),
-    "SB3 PPO": partial(train_peer, PPO, PPO_SETTINGS),
-}
+LEARNERS = {"ours": train_ours, "SB3 DQN": train_dqn, "SB3 PPO": train_ppo}

@@ -66,9 +66,8 @@ class Training:
         count = env.batch_size[0]
         self._returns = torch.zeros(count, dtype=torch.float64, device=env.device)
         self._lengths = torch.zeros(count, dtype=torch.int64, device=env.device)
-        # Losses of the updates since the last episode ended, and the environment step of each.
-        self._losses: list[torch.Tensor] = []
-        self._loss_steps: list[int] = []
+        # Of the updates since the last episode ended: environment step and loss.
+        self._losses: list[tuple[int, torch.Tensor]] = []
         self._current: TensorDictBase | None = None
 
     @property
@@ -94,9 +93,7 @@ class Training:
         after = stepped["next"]
         self._returns += after["reward"].squeeze(-1)
         self._lengths += 1
-        losses = algorithm.update()
-        self._losses += losses
-        self._loss_steps += [self.steps] * len(losses)
+        self._losses += [(self.steps, loss) for loss in algorithm.update()]
         for row in after["done"].squeeze(-1).nonzero().squeeze(-1).tolist():
             if self.is_finished:
                 break
@@ -112,7 +109,6 @@ class Training:
                 loss=self._mean_loss(),
             )
             self._losses.clear()
-            self._loss_steps.clear()
             self._returns[row], self._lengths[row] = 0.0, 0
             if self.episode % self._learn.evaluate_every == 0 or self.is_finished:
                 yield self._evaluate()
@@ -121,12 +117,12 @@ class Training:
         """Return the mean loss since the last episode ended, or None without updates."""
         if not self._losses:
             return None
-        losses = torch.stack(self._losses)
+        losses = torch.stack([loss for _, loss in self._losses])
         mean = float(losses.mean())
         if not math.isfinite(mean):
             # Name the first loss that is not finite, or the last loss if only the sum overflows.
             first = ((~losses.isfinite()).nonzero().flatten().tolist() or [len(losses) - 1])[0]
-            step = self._loss_steps[first]
+            step, _ = self._losses[first]
             raise DivergedError(f"the loss is {float(losses[first])} at environment step {step}")
         return mean
 
@@ -155,9 +151,9 @@ class Training:
             "counters": torch.tensor([self.episode, self.steps]),
             "returns": self._returns,
             "lengths": self._lengths,
-            "losses": torch.stack(self._losses) if self._losses else torch.empty(0),
+            "losses": torch.tensor([float(loss) for _, loss in self._losses]),
             **add_prefix("current", {str(key): flat.get(key) for key in flat.keys()}),  # noqa: SIM118
-            "loss_steps": torch.tensor(self._loss_steps, dtype=torch.int64),
+            "loss_steps": torch.tensor([step for step, _ in self._losses], dtype=torch.int64),
             **add_prefix("algorithm", self.algorithm.state_dict()),
         }
         return {name: value.detach().cpu() for name, value in own.items()}
@@ -174,8 +170,7 @@ class Training:
         self._returns.copy_(state["returns"])
         self._lengths.copy_(state["lengths"])
         device = self._env.device
-        self._losses = list(state["losses"].to(device))
-        self._loss_steps = state["loss_steps"].tolist()
+        self._losses = list(zip(state["loss_steps"].tolist(), state["losses"].to(device), strict=True))
         current = {key: value.to(device) for key, value in strip_prefix("current", state).items()}
         self._current = TensorDict(current, self._env.batch_size, device=device).unflatten_keys(".")
         self.algorithm.load_state_dict(strip_prefix("algorithm", state))

@@ -13,7 +13,6 @@ from tensordict import TensorDictBase
 from benchmarks import __main__ as command
 from benchmarks import curves
 from benchmarks.curves import Curve, ShipVecEnv
-from benchmarks.ours import plan
 from ship_trl.config.types import World
 from ship_trl.fast.worlds import make_env
 from ship_trl.gym import ShipCollisionVectorEnv
@@ -90,22 +89,3 @@ def test_peers_are_told_of_the_last_observation_and_of_timeouts() -> None:
                 assert one["TimeLimit.truncated"] == truncated[row]
         ended, timeouts = ended + int(over.sum()), timeouts + int(truncated.sum())
     assert ended > timeouts > 0
-
-
-def test_peers_are_given_what_our_profile_has() -> None:
-    words = ("target=traffic", "profile=traffic", "method=scratch", "observation=vector")
-    config = plan(*words).config
-    learn, settings = config.learn, curves.DQN_SETTINGS
-    for key, value in (
-        ("learning_rate", learn.lr),
-        ("buffer_size", learn.replay_size),
-        ("learning_starts", learn.warmup_steps),
-        ("batch_size", learn.batch_size),
-        ("exploration_fraction", learn.epsilon_fraction),
-        ("exploration_final_eps", learn.epsilon_end),
-    ):
-        assert settings[key] == value, key
-    updates = settings["gradient_steps"]
-    assert updates * learn.update_every == curves.NUM_ENVS == learn.num_envs
-    assert settings["tau"] == updates * learn.tau
-    assert (learn.reward_scale, learn.gamma) == (curves.REWARD_SCALE, curves.GAMMA)

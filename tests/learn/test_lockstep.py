@@ -2,7 +2,7 @@
 
 from collections.abc import Sequence
 from dataclasses import replace
-from typing import NamedTuple
+from types import SimpleNamespace
 
 import pytest
 import torch
@@ -26,21 +26,14 @@ PLACES, ACTIONS, INPUTS = 4, 2, 3
 CONFIG = replace(load_network("vector"), linear=[16, 8, 8], per_ship=0)
 
 
-class After(NamedTuple):
-    state: Tensor
-    reward: Tensor
-    goal: Tensor
-    collision: Tensor
-    truncated: Tensor
-
-
-def step(state: Tensor, action: Tensor) -> After:
+def step(state: Tensor, action: Tensor) -> SimpleNamespace:
     """Walk a corridor, by 1 or by -1, from the state (place, time): the goal is at 4, a wall at -2."""
     place, time = state[:, 0] + 2.0 * action - 1.0, state[:, 1] + 1
     goal, collision = place >= PLACES, place <= -2
     truncated = (time >= 12) & ~goal & ~collision
     reward = -1.0 + 10.0 * goal - 5.0 * collision
-    return After(torch.stack((place, time), 1), reward, goal, collision, truncated)
+    ends = {"goal": goal, "collision": collision, "truncated": truncated}
+    return SimpleNamespace(state=torch.stack((place, time), 1), reward=reward, **ends)
 
 
 def observe(state: Tensor) -> Tensor:

@@ -23,7 +23,7 @@ from ship_trl.config.errors import ConfigError, missing_extra
 from ship_trl.files.curve import CURVE, RunError
 from ship_trl.files.disk import read_file
 from ship_trl.files.record import read_run
-from ship_trl.files.table import rows
+from ship_trl.files.untrusted import rows
 
 if TYPE_CHECKING:
     import pandas as pd

@@ -57,8 +57,7 @@ def run_experiment(run: Run, place: str = "", recipe: str = "") -> RunRecord:
     of the recipe that the run takes, which is printed before it is trained.
     """
     configure_process()
-    device = torch.device(run.config.device)
-    if device.type == "cuda" and not torch.cuda.is_available():
+    if torch.device(run.config.device).type == "cuda" and not torch.cuda.is_available():
         raise ConfigError("device: no CUDA device is available here; allowed: cpu")
     # Refuse an unusable file before anything is written.
     given = read_source(run) if run.source is None else None
@@ -71,12 +70,10 @@ def run_experiment(run: Run, place: str = "", recipe: str = "") -> RunRecord:
             if recipe:
                 console.say(f"recipe {recipe}")
             source = read_source(run, find_source(run.source, run.title, place)) if run.source else given
-            result = train_run(run, device, source, place)
+            result = train_run(run, source, place)
         else:
             console.say(f"{run.folder} is already finished; set seed= or output= to train another run")
-        # An earlier process may have been killed after it wrote the result and before these two steps.
-        retain(run, result)
-        remove_checkpoints(run)
+        conclude(run, result)
     release_memory()
     if place:
         console.say_result(result, run.title, run.folder, place)
@@ -92,32 +89,35 @@ def find_source(source: Run, title: str, place: str) -> StoredNetwork:
     If several processes need the same network, the first one trains it and the others wait. `title` and
     `place` are those of the run that needs it.
     """
-    base, device = CaseBase(Path(source.config.case_base)), torch.device(source.config.device)
+    base = CaseBase(Path(source.config.case_base))
     wanted = (source.target, source.entry_arm, source.config.seed, source.config_hash)
     with console.hold(base.lock(*wanted), source.title):
-        entry = base.find(*wanted)
-        if entry is None:
-            # Another process may train it at the same time, as a run of its own.
-            with console.hold(source.lock(), source.title):
-                result = find_result(source)
-                if result is None:
-                    console.say(f"training the source first: {source.title}; then {title}")
-                    result = train_run(source, device, None, place)
-                entry = retain(source, result)
-        else:
+        if (entry := base.find(*wanted)) is not None:
             console.say(f"source: {entry.policy} (greedy return {entry.best_return:.1f})")
-    if find_result(source) is not None:
-        # The process that trained it may have been killed before this step.
-        remove_checkpoints(source)
-    return entry
+            return entry
+        # Another process may train it at the same time, as a run of its own.
+        with console.hold(source.lock(), source.title):
+            result = find_result(source)
+            if result is None:
+                console.say(f"training the source first: {source.title}; then {title}")
+                result = train_run(source, None, place)
+            return conclude(source, result)
 
 
-def remove_checkpoints(run: Run) -> None:
-    """Delete the checkpoints of a finished run; while their folder exists, it counts as unfinished."""
+def conclude(run: Run, result: RunRecord) -> StoredNetwork:
+    """Delete the checkpoints of a finished run, and store its network for later targets (section 4.2).
+
+    Whoever finds a run finished calls this too: the process that trained it may have been killed before.
+    """
     shutil.rmtree(run.folder / CHECKPOINTS, ignore_errors=True)
+    values, config = result.to_json(), run.config
+    scores = {key: values[key] for key in ("best", "final", "best_known_return")}
+    named = run.target, run.entry_arm, config.seed, run.config_hash
+    network = non_default_network(config.network)
+    return CaseBase(Path(config.case_base)).retain(*named, scores, run.folder, network)
 
 
-def train_run(run: Run, device: torch.device, source: Source | None, place: str = "") -> RunRecord:
+def train_run(run: Run, source: Source | None, place: str = "") -> RunRecord:
     """Train one network, and write all files into the run's folder, `result.json` last.
 
     If an earlier process left a checkpoint of this run, the training resumes from it. The caller holds the
@@ -134,7 +134,7 @@ def train_run(run: Run, device: torch.device, source: Source | None, place: str 
     for kind, name in dict.fromkeys((*named, *(("case", case.name) for case in run.target.cases))):
         if own := shadowing_file(kind, name):
             console.say(f"{kind} {name}: {own}, not the bundled {kind} of this name")
-    parts = make_parts(run, device, source)
+    parts = make_parts(run, torch.device(run.config.device), source)
     checkpoints = Checkpoints(run, parts, started)
     checkpoints.resume(in_a_grid=bool(place))
     plans = Path(run.config.case_base) / PLANS
@@ -157,10 +157,8 @@ def train_run(run: Run, device: torch.device, source: Source | None, place: str 
         result = make_result(run, parts, known, checkpoints.seconds)
         # Flush the curve before the checkpoints, which hold it too, are deleted.
         sync(run.folder / CURVE)
-        # Before `trackers.finish`, which may fail or wait for a network.
+        # Before the trackers, which may fail or wait for a network.
         result.write(run.folder)
-        retain(run, result)
-        remove_checkpoints(run)
         trackers.finish(result)
     return result
 
@@ -289,12 +287,3 @@ def measure_source(run: Run, parts: Parts) -> SourceReturns | None:
         random=random_return(suite, config.world, fast=config.fast),
         best_known=best_known_return(suite, config.world, Path(config.case_base) / PLANS),
     )
-
-
-def retain(run: Run, result: RunRecord) -> StoredNetwork:
-    """Store a finished run's network in the case base, for later targets (section 4.2)."""
-    values, config = result.to_json(), run.config
-    scores = {key: values[key] for key in ("best", "final", "best_known_return")}
-    named = run.target, run.entry_arm, config.seed, run.config_hash
-    network = non_default_network(config.network)
-    return CaseBase(Path(config.case_base)).retain(*named, scores, run.folder, network)

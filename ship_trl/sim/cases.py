@@ -29,8 +29,7 @@ from ship_trl.config.paths import conf_dir, is_name, list_names, stem
 from ship_trl.config.schema import read_as, rule
 from ship_trl.config.types import Perturbation, Traffic, World, plain
 from ship_trl.files.disk import read_file
-from ship_trl.files.table import Cells, read_table
-from ship_trl.files.untrusted import read_changes, read_yaml
+from ship_trl.files.untrusted import Cells, read_changes, read_table, read_yaml
 
 MAX_TARGET_SHIPS = 8
 # Within this bound float32 is accurate to a centimetre, or to a hundredth of a degree.

@@ -29,7 +29,7 @@ from ship_trl.config.paths import is_name
 from ship_trl.files.curve import GREEDY, SHARED, TRAINING, TYPES, RunError, write_curve
 from ship_trl.files.disk import MAX_FILE_BYTES, atomic_write, read_file, writing
 from ship_trl.files.record import RESULT, RunRecord, check_run, from_cells, read_whole, with_curve
-from ship_trl.files.table import read_table, rows
+from ship_trl.files.untrusted import read_table, rows
 from ship_trl.study.manifest import PLAN, read_plan
 from ship_trl.study.plan import PARTS, Job, run_folder
 

@@ -14,7 +14,7 @@ from pathlib import Path
 from ship_trl.config.arm import Arm
 from ship_trl.config.command import command, override
 from ship_trl.config.paths import conf_dir, group_names, is_name
-from ship_trl.files.table import read_table
+from ship_trl.files.untrusted import read_table
 from ship_trl.sim.cases import Case
 from ship_trl.transfer.casebase import POLICY
 

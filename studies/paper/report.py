@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 
 from ship_trl.config.errors import one_line
-from ship_trl.files.table import Cells, read_table
+from ship_trl.files.untrusted import Cells, read_table
 from ship_trl.study.claims import Verdicts
 from ship_trl.study.compare import MIN_SEEDS
 from ship_trl.study.plan import PAIRS

@@ -5,7 +5,7 @@ from pathlib import Path
 import pytest
 
 from ship_trl.config.errors import ConfigError
-from ship_trl.files.table import Cells, read_table
+from ship_trl.files.untrusted import Cells, read_table
 
 
 def read(path: Path, most: int = 1000) -> list[Cells]:

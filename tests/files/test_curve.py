@@ -71,13 +71,6 @@ def test_an_incomplete_curve_is_refused(text: str | None, said: str, tmp_path: P
         read_curve(tmp_path)
 
 
-def test_a_mean_of_fewer_at_the_beginning() -> None:
-    assert moving_mean([4.0, 2.0, 0.0, 8.0], 2).tolist() == [4.0, 3.0, 1.0, 4.0]
-    assert moving_mean([4.0, 2.0], 25).tolist() == [4.0, 3.0]
-    assert moving_mean([[1.0, 3.0], [2.0, 4.0]], 2).tolist() == [[1.0, 2.0], [2.0, 3.0]]
-    assert moving_mean([], 3).size == 0
-
-
 @given(arrays.arrays(np.float64, st.integers(1, 40), elements=st.floats(-500, 500)), st.integers(1, 50))
 def test_a_moving_mean_is_the_mean_of_the_last(values: np.ndarray, window: int) -> None:
     means = [np.mean(values[max(0, k + 1 - window) : k + 1]) for k in range(len(values))]

@@ -23,7 +23,7 @@ from ship_trl.study import launch as progress
 from ship_trl.study.plan import plan_jobs, to_study
 from tests.a_result import a_result
 from tests.pasted import ODD, pasted, printed_commands
-from tests.run.test_tracking import EPISODE
+from tests.run.test_history import EPISODE
 from tests.study.commands import SMALL
 
 

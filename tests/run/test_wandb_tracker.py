@@ -14,7 +14,7 @@ from ship_trl.run.plan import CHECKPOINTS, make_run
 from ship_trl.run.trackers import Trackers
 from ship_trl.run.trackers.wandb import WandbTracker, start
 from tests.config.test_config import composed
-from tests.run.test_tracking import FINISHED
+from tests.run.test_history import FINISHED
 
 LINE = ("target=1", "method=scratch", "logger=wandb", "output=out")
 

@@ -116,12 +116,8 @@ class Run:
 
     def lock(self) -> FileLock:
         """Return the lock to hold while the run's folder is written; its file is never deleted."""
-        locks = Path(self.config.output) / LOCKS
-        try:
-            locks.mkdir(parents=True, exist_ok=True)
-        except OSError as error:
-            raise ConfigError(f"output: cannot create {locks}: {error.strerror}") from None
-        config = self.config
+        config, locks = self.config, Path(self.config.output) / LOCKS
+        locks.mkdir(parents=True, exist_ok=True)
         return FileLock(locks / f"{config.label}-{config.arm_label}-{config.seed}.lock")
 
 
@@ -193,10 +189,9 @@ def resolve_pretrained(config: Config, target: Suite) -> Config:
         cases = [load_case(name, config.world, "source") for name in names]
         other_cases = [case for case in cases if case.fingerprint != target.case.fingerprint]
         source = rank(target.case, other_cases, config.world)[0].case.name
-    if config.arm.is_scratch:
-        # The source stays in the folder name, so that it is the same as in the transfers of the grid.
-        return dataclasses.replace(config, source=source)
-    return dataclasses.replace(config, source=source, source_weights=SourceWeights.pretrained)
+    # From scratch too the source is in the folder's name, so that it is that of the transfers of a grid.
+    weights = config.source_weights if config.arm.is_scratch else SourceWeights.pretrained
+    return dataclasses.replace(config, source=source, source_weights=weights)
 
 
 def hash_of(
@@ -390,17 +385,13 @@ def open_folder(run: Run, resume: bool = False) -> None:
     It deletes an unfinished run, or a run that `overwrite=true` replaces. With `resume` it keeps the
     checkpoints, because everything else is written again.
     """
-    try:
-        run.folder.mkdir(parents=True, exist_ok=True)
-        for path in run.folder.iterdir():
-            if path.name != CHECKPOINTS or not resume:
-                remove(path)
-        with atomic_write(run.folder / CONFIG) as draft:
-            OmegaConf.save(OmegaConf.structured(run.config), draft)
-        (run.folder / CHECKPOINTS).mkdir(exist_ok=True)
-    except OSError as error:
-        place = error.filename or run.folder
-        raise ConfigError(f"output: {place} cannot be written: {error.strerror}") from None
+    run.folder.mkdir(parents=True, exist_ok=True)
+    for path in run.folder.iterdir():
+        if path.name != CHECKPOINTS or not resume:
+            remove(path)
+    with atomic_write(run.folder / CONFIG) as draft:
+        OmegaConf.save(OmegaConf.structured(run.config), draft)
+    (run.folder / CHECKPOINTS).mkdir(exist_ok=True)
 
 
 def read_settings(folder: Path) -> tuple[World, bool, Perturbation]:

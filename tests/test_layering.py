@@ -19,7 +19,7 @@ WITHOUT_TORCH = (
     "transfer/casebase",
     "policies/pretrained", "policies/demonstrations", "policies/registry",
     "run/plan", "run/process", "run/console", "grid/launchers", "run/results",
-    "grid/callback", "grid/compose", "run/entries", "run/scores", "run/pretrain",
+    "grid/callback", "grid/compose", "run/entries", "run/pretrain",
     "explain/study", "study", "learn/settings",
 )  # fmt: skip
 FILES = sorted(PACKAGE.rglob("*.py"))

@@ -14,27 +14,40 @@ from __future__ import annotations
 import math
 import sys
 from argparse import Namespace
+from collections.abc import Iterable, Iterator, Sequence
+from dataclasses import dataclass
+from functools import cached_property
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 from ship_trl.cli.errors import refusals
 from ship_trl.cli.parser import add_number, add_output, add_policies, add_seed, make_parser
-from ship_trl.config.bounds import HEAD_ON_DEGREES, HalfAngle, Positive
+from ship_trl.config.bounds import HEAD_ON_DEGREES, RULES, HalfAngle, Positive
 from ship_trl.config.errors import ConfigError, print_error
 from ship_trl.policies.pretrained import PRETRAINED
 from ship_trl.policies.registry import EPISODES, SHOWN, Entry
 from ship_trl.run.entries import find_entries
-from ship_trl.run.scores import HEADINGS as SCORES
-from ship_trl.run.scores import RULE_SCORES, Scored, describe_scores, describe_worlds
-from ship_trl.run.scores import SHORT as SHORT_SCORES
+from ship_trl.run.plan import differences
+from ship_trl.sim.cases import load_world
 
 if TYPE_CHECKING:
-    from ship_trl.learn.rollout import Policy
+    from ship_trl.learn.rollout import Episode, Policy
+    from ship_trl.policies.metrics import Measurements
     from ship_trl.sim.env import ShipEnv
 
 HEADINGS = ("case", "policy", "return", "of best known", "ends with", "least distance, m", "steps", "claimed")
 # What is shown of them unless all are asked for, with what is claimed if anything is.
 SHORT = ("policy", "return", "ends with", "least distance, m")
+# The same of several episodes.
+SCORES = (
+    *("suite", "policy", "episodes", "success", "collision", "timeout", "return", "of best known"),
+    *("least distance, m (5 %)", *(f"R{rule}" for rule in RULES), "path", "ms", "claimed"),
+)
+# What is shown of them unless it is asked for more, and what --rules adds.
+SHORT_SCORES = ("policy", "success", "collision", "timeout", "least distance, m (5 %)")
+RULE_SCORES = tuple(f"R{rule}" for rule in RULES)
+# Percentile of the least distance, beside its mean.
+LOW = 5
 
 
 def main(arguments: list[str] | None = None) -> None:
@@ -162,7 +175,7 @@ def print_table(found: list[Scored], options: Namespace) -> None:
     is_scored = options.by is not None or options.rules or any(len(one.episodes) > 1 for one in found)
     for one in found:
         best = best_known_return(one.entry.suite, one.entry.world, Path("outputs/case_base") / PLANS)
-        rows.append(one.row(best) if is_scored else row(one, best))
+        rows.append(one.row(best) if is_scored else one.row_of_one(best))
         rows += one.class_rows() if options.by is not None else ()
     headings, title = SCORES if is_scored else HEADINGS, None
     shown = [*SHORT_SCORES, *RULE_SCORES * options.rules] if is_scored else list(SHORT)
@@ -185,17 +198,145 @@ def print_table(found: list[Scored], options: Namespace) -> None:
         sys.stdout.write(f"{describe_scores(world.safe_distance, head_on, shown)}\n")
 
 
-def row(one: Scored, best: float | None) -> list[str]:
-    """Return the row of one episode; `best` is the best known return."""
-    (episode,) = one.episodes
-    return [
-        one.suite_name,
-        one.entry.label,
-        f"{one.reached:.1f}",
-        one.share(best),
-        episode.outcome,
+@dataclass(frozen=True)
+class Scored:
+    """The episodes of a policy on a suite.
+
+    Attributes:
+        head_on: half-angle of the head-on sector, in degrees.
+        seed: of the starts.
+    """
+
+    entry: Entry
+    episodes: list[Episode]
+    head_on: float
+    seed: int = 0
+
+    @cached_property
+    def measured(self) -> Measurements:
+        """The metrics of the episodes."""
+        from ship_trl.policies.metrics import measure_episodes
+
+        return measure_episodes(self.episodes, self.entry.world, self.head_on)
+
+    @cached_property
+    def decision_time(self) -> float:
+        """The median time (ms) of a decision in the first of the scenes with most target ships."""
+        from ship_trl.policies.named import time_decision
+        from ship_trl.sim.state import SHIP_COUNT
+
+        start = max((one.states[0] for one in self.episodes), key=lambda state: float(state[SHIP_COUNT]))
+        return time_decision(self.entry, start, self.seed)
+
+    @property
+    def reached(self) -> float:
+        """The mean return."""
+        return sum(one.episode_return for one in self.episodes) / len(self.episodes)
+
+    @property
+    def claimed(self) -> str:
+        """The cell of the return that is claimed."""
+        return "" if self.entry.claimed is None else f"{self.entry.claimed:.1f}"
+
+    def share(self, best: float | None) -> str:
+        """Return the cell of the share that is reached of the best known return."""
+        return f"{self.reached / best:.0%}" if best is not None and min(best, self.reached) > 0 else "-"
+
+    @property
+    def suite_name(self) -> str:
+        """The name of the suite, and whether starts are perturbed."""
+        suite = self.entry.suite
+        return suite.name + ", perturbed" * (not suite.perturbation.is_none)
+
+    def scene_name(self, row: int) -> str:
+        """Return the name of an episode's case, or the seed of its random encounter."""
+        suite = self.entry.suite
+        if not suite.cases:
+            return f"seed {self.seed + row}"
+        turn, case = divmod(row, len(suite.cases))
+        return suite.cases[case].name + (f" ({turn + 1})" if suite.is_drawn else "")
+
+    def row_of_one(self, best: float | None) -> list[str]:
+        """Return the cells of `HEADINGS` for one episode; `best` is the best known return."""
+        (one,) = self.episodes
         # Cases without target ships have none.
-        f"{episode.dcpa:.0f}" if math.isfinite(episode.dcpa) else "-",
-        f"{episode.length}",
-        one.claimed,
+        nearest = f"{one.dcpa:.0f}" if math.isfinite(one.dcpa) else "-"
+        reached = f"{self.reached:.1f}", self.share(best), one.outcome, nearest, str(one.length)
+        return [self.suite_name, self.entry.label, *reached, self.claimed]
+
+    def row(self, best: float | None) -> list[str]:
+        """Return the cells of `SCORES`; `best` is the best known mean return."""
+        cells = score_cells(self.measured, self.share(best))
+        return [self.suite_name, self.entry.label, *cells, f"{self.decision_time:.2g}", self.claimed]
+
+    def class_rows(self) -> Iterator[list[str]]:
+        """Yield the same cells for each class of encounter."""
+        for name in sorted(set(self.measured.encounters.tolist())):
+            cells = score_cells(self.measured.select(self.measured.encounters == name))
+            yield [f"{self.suite_name}: {name}", self.entry.label, *cells, "", ""]
+
+    def csv_rows(self) -> Iterator[dict[str, Any]]:
+        """Yield a row of each episode: scene, end and every metric, empty where one does not apply."""
+        for k in range(len(self.episodes)):
+            values = self.measured.of_episode(k).items()
+            yield {
+                "policy": self.entry.label,
+                "suite": self.entry.suite.name,
+                "case": self.scene_name(k),
+                "outcome": self.measured.outcomes[k],
+                "encounter": self.measured.encounters[k],
+                **{name: "" if math.isnan(value) else f"{value:.6g}" for name, value in values},
+                "decision_ms": f"{self.decision_time:.3g}",
+            }
+
+
+def score_cells(measured: Measurements, share: str = "-") -> list[str]:
+    """Return the cells from `episodes` to `path`, with the share of the best known return."""
+    import numpy as np
+
+    count, near = len(measured.outcomes), measured.known("least_distance")
+    return [
+        str(count),
+        *(describe_share(measured, end) for end in ("goal", "collision", "timeout")),
+        f"{measured.known('return').mean():.1f}",
+        share,
+        f"{near.mean():.0f} ({np.percentile(near, LOW):.0f})" if near.size else "-",
+        *(describe_mean(measured, f"rule_{rule}") for rule in RULES),
+        describe_mean(measured, "path_ratio"),
     ]
+
+
+def describe_share(measured: Measurements, end: str) -> str:
+    """Return the share of an outcome with its 95 % interval: "43% (16 to 75)"."""
+    from scipy.stats import binomtest
+
+    found = binomtest(int((measured.outcomes == end).sum()), len(measured.outcomes))
+    ends = found.proportion_ci(0.95, method="wilson")
+    return f"{found.statistic:.0%} ({100 * ends.low:.0f} to {100 * ends.high:.0f})"
+
+
+def describe_mean(measured: Measurements, name: str) -> str:
+    """Return the mean of a metric where it applies, or a dash."""
+    values = measured.known(name)
+    return f"{values.mean():.2f}" if values.size else "-"
+
+
+def describe_worlds(entries: Iterable[Entry]) -> list[str]:
+    """Return a line for each world that is not the paper's: keys that differ, and the policies in it."""
+    found: dict[str, list[str]] = {}
+    for entry in entries:
+        changes = ", ".join(differences(entry.world, load_world(), "world"))
+        found.setdefault(changes, []).append(entry.label)
+    return [f"{changes}: {', '.join(dict.fromkeys(some))}." for changes, some in found.items() if changes]
+
+
+def describe_scores(safe_distance: float, head_on: float, columns: Sequence[str]) -> str:
+    """Return the line that explains the columns of a table of scores."""
+    lines = {
+        "success": "95 % intervals (Wilson).",
+        RULE_SCORES[0]: "R8 to R17: scores of the steering rules after Hagen et al. 2023, mean over "
+        f"encounters, collision radius {safe_distance:g} m.",
+        "suite": f"Classes by Pedersen, head-on within {head_on:g} degrees.",
+        "ms": "ms: time of a decision in one scene.",
+    }
+    return " ".join(line for column, line in lines.items() if column in columns)

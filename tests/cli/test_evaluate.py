@@ -8,8 +8,7 @@ from pathlib import Path
 import pytest
 from PIL import Image
 
-from ship_trl.cli.evaluate import main
-from ship_trl.run.scores import HEADINGS
+from ship_trl.cli.evaluate import SCORES, main
 from tests.command import SMOKE, refused, ship_trl
 
 
@@ -27,7 +26,7 @@ def table(capsys: pytest.CaptureFixture[str], *words: str) -> list[list[str]]:
 
 
 def scores(capsys: pytest.CaptureFixture[str], *words: str) -> list[dict[str, str]]:
-    return [dict(zip(HEADINGS, row, strict=True)) for row in table(capsys, *words)]
+    return [dict(zip(SCORES, row, strict=True)) for row in table(capsys, *words)]
 
 
 def test_policies_without_training(capsys: pytest.CaptureFixture[str]) -> None:

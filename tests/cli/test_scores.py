@@ -2,10 +2,10 @@
 
 from dataclasses import replace
 
+from ship_trl.cli.evaluate import SCORES, Scored
 from ship_trl.config.types import World
 from ship_trl.policies.named import rollout_entry
 from ship_trl.policies.registry import Entry, split_suites
-from ship_trl.run.scores import HEADINGS, Scored
 from ship_trl.sim.cases import load_suite
 from ship_trl.sim.state import first_case
 
@@ -30,5 +30,5 @@ def test_scenes_have_the_names_of_their_cases(world: World) -> None:
 def test_every_row_has_the_cells_of_the_headings(world: World) -> None:
     one = evaluated(world, "traffic", 20)
     rows = [one.row(None), *one.class_rows()]
-    assert {len(row) for row in rows} == {len(HEADINGS)}
+    assert {len(row) for row in rows} == {len(SCORES)}
     assert rows[0][2] == "20" and sum(int(row[2]) for row in rows[1:]) == 20

@@ -22,8 +22,8 @@ from benchmarks.ours import (
 from benchmarks.peers import PEERS, SB3, TUNED_BF16, Peer, Sb3Loop, make_peer
 from benchmarks.timing import Probe
 from ship_trl.config.arm import Arm
-from studies.lockstep import make_lockstep, starts
-from studies.runs import Task
+from ship_trl.run.lockstep import make_lockstep, starts
+from ship_trl.study.lockstep import Task
 from studies.sources.plan import SETTINGS
 
 KINDS = {"fast=true": "ours", "fast=false": "ours, operation by operation"}
@@ -118,7 +118,9 @@ def lockstep_probes(device: str) -> list[Probe]:
     """Return training loops of many agents; the steps of all agents count."""
     setting, found = SETTINGS["pixels"], []
     for count in AGENTS:
-        runs = [Task(CASE, "", "scratch", seed, True).plan(setting, Path()) for seed in range(count)]
+        length = setting.source_length
+        tasks = [Task(CASE, "", "scratch", seed, length) for seed in range(count)]
+        runs = [task.plan(setting.overrides, Path()) for task in tasks]
         agents, _ = make_lockstep(runs, starts(runs, [CASE] * count).to(device), setting.source_length)
         agents.train(runs[0].config.learn.warmup_steps + CAPTURE_STEPS)
         steps = AGENT_UPDATES * agents.learn.update_every

@@ -9,7 +9,6 @@ streams of 63 bits, so that they do not train on the first seeds.
 
 from __future__ import annotations
 
-import csv
 import sys
 from collections import Counter
 from collections.abc import Iterable
@@ -25,7 +24,6 @@ from ship_trl.cli.parser import make_parser
 from ship_trl.config.paths import conf_dir
 from ship_trl.config.types import EncounterClass, World
 from ship_trl.fast.worlds import make_starts
-from ship_trl.files.disk import atomic_write
 from ship_trl.policies.planner import best_plan
 from ship_trl.policies.reference import BUNDLED_PLANS, plan_name, save_plan
 from ship_trl.sim.cases import (
@@ -41,6 +39,7 @@ from ship_trl.sim.cases import (
 )
 from ship_trl.sim.encounter import Encounter, classify, relative_motion
 from ship_trl.sim.state import SHIP_COUNT, first_case
+from ship_trl.study.report.tables import write_csv
 
 # 15 strata of 32 scenes with ships, and 20 scenes without.
 ROOM, EMPTY_ROOM = 32, 20
@@ -69,15 +68,13 @@ def draw_case(seed: int, world: World) -> tuple[tuple[int, str], Case]:
 
 def write_scenes(path: Path, scenes: Iterable[Scene]) -> None:
     """Write a table of scenes. The class of encounter is the case's `ideal_path`."""
-    with atomic_write(path) as draft, draft.open("w", newline="") as file:
-        table = csv.writer(file, lineterminator="\n")
-        table.writerow(TABLE_COLUMNS)
-        for case, best_return, actions in scenes:
-            ships = [(ship.x, ship.y, ship.heading, ship.speed) for ship in case.target_ships]
-            numbers = [f"{number:.4f}" for ship in ships for number in ship]
-            numbers += [""] * (len(SHIP_COLUMNS) * MAX_SHIPS - len(numbers))
-            plan = "".join(map(str, actions))
-            table.writerow([case.name, case.ideal_path, *numbers, f"{best_return:.3f}", plan])
+    rows = []
+    for case, best_return, actions in scenes:
+        numbers = [f"{number:.4f}" for ship in case.target_ships for number in astuple(ship)[:4]]
+        numbers += [""] * (len(SHIP_COLUMNS) * MAX_SHIPS - len(numbers))
+        cells = case.name, case.ideal_path, *numbers, f"{best_return:.3f}", "".join(map(str, actions))
+        rows.append(dict(zip(TABLE_COLUMNS, cells, strict=True)))
+    write_csv(path, rows)
 
 
 def write_table() -> None:

@@ -7,23 +7,29 @@ of transfer are shown from logs of any library; their help: results NAME=FILE --
 
 from __future__ import annotations
 
+import glob
 import re
 import sys
+from argparse import Namespace
 from collections.abc import Iterable, Iterator
 from math import floor
 from pathlib import Path
+from typing import Annotated
 
 import numpy as np
+from pydantic import Field
 
-from ship_trl.cli import metrics
 from ship_trl.cli.errors import refusals
-from ship_trl.cli.parser import add_output, make_parser
+from ship_trl.cli.parser import add_number, add_output, make_parser
+from ship_trl.config.bounds import PositiveShare
 from ship_trl.config.command import command
 from ship_trl.config.errors import ConfigError, print_error
 from ship_trl.files.curve import RunError
+from ship_trl.files.logs import KINDS, LearningCurve, read_logs
 from ship_trl.files.record import Evaluation, RunRecord
 from ship_trl.run.console import show
 from ship_trl.run.results import collect, drop_copies, group_runs
+from ship_trl.study import metrics
 
 # A column of transfers: returns on the source of its own network, and of the run's at the end.
 SOURCE_HEADING = "return on the source, its network > at the end, by seed"
@@ -41,7 +47,7 @@ def main(arguments: list[str] | None = None) -> None:
     given = sys.argv[2:] if arguments is None else arguments
     # A path may contain an equals sign, for example seed=0.
     if any(re.match(r"(?!-)[^/=]*=", word) and not Path(word).exists() for word in given):
-        metrics.main(given)
+        measure_logs(given)
         return
     parser = make_parser("results", __doc__)
     parser.add_argument("folders", type=Path, nargs="*", metavar="FOLDER", help="default: outputs")
@@ -182,3 +188,134 @@ def picture(path: Path, found: list[RunRecord]) -> None:
     if not panels:
         raise ConfigError("picture: no learning curve to draw")
     draw_comparison(path, panels)
+
+
+LOGS = """\
+Metrics of transfer from learning curves of any library:
+
+    python -m ship_trl results scratch='logs/scratch/*/monitor.csv' FT3='logs/ft3/*/monitor.csv'
+    python -m ship_trl results scratch='outputs/high/scratch/*/curve.csv' FT3='outputs/high/FT3/*/curve.csv'
+
+FILE is Stable-Baselines3's monitor.csv or progress.csv, TensorBoard's event file or exported scalars, a
+curve.csv of ours, or a table with columns step, return and, for several runs, seed. Steps are environment
+steps of all workers. A FILE with * names several files, with ** in folders at any depth; each is a run, but
+0.monitor.csv, 1.monitor.csv and so on in one folder are workers of one run, and event files in one folder are
+one resumed run. A run must begin near step 0. The first arm is the baseline. Returns are scaled to scores
+from --low to --high, by default random actions and the best known plan (runs of ours say both), else the
+extremes of all runs. Less time and forgetting are better; the other metrics are better when larger.
+"""
+Return = Annotated[float, Field(ge=-1e9, le=1e9)]
+# In the steps that all runs have.
+MIN_RETURNS = 10
+# A first return holds for the steps before it. They may be this share of the steps, or two of the run's gaps.
+MAX_BEGINNING = 0.1
+
+
+def measure_logs(arguments: list[str]) -> None:
+    """Print a row for each arm, and one for its difference from the baseline."""
+    parser = make_parser("results", LOGS)
+    parser.add_argument(
+        "arms", nargs="+", metavar="NAME=FILE", help="logs of an arm; the first is the baseline"
+    )
+    add_number(parser, "--low", Return, None, "return that scores 0")
+    add_number(parser, "--high", Return, None, "return that scores 1")
+    add_number(parser, "--threshold", PositiveShare, metrics.THRESHOLDS[0], "score to reach; default: 0.65")
+    add_output(parser, "--csv", (".csv",), "metrics of every run, a row each")
+    parser.add_argument("--markdown", action="store_true", help="print a Markdown table")
+    options = parser.parse_args(arguments)
+    with refusals():
+        show_transfers(read_arms(options.arms), options)
+
+
+def read_arms(words: list[str]) -> dict[str, list[LearningCurve]]:
+    """Read the curves of each arm.
+
+    Raises:
+        ConfigError: a word is not NAME=FILE, or a file cannot be used.
+    """
+    arms: dict[str, list[Path]] = {}
+    read: set[Path] = set()
+    for word in words:
+        name, equals, pattern = word.partition("=")
+        if not name or not equals:
+            raise ConfigError(f"results: allowed: NAME=FILE, got {word}; FILE: {KINDS}")
+        # Path.glob takes no absolute pattern.
+        is_pattern = glob.has_magic(pattern) and not Path(pattern).is_file()
+        paths = sorted(glob.glob(pattern, recursive=True)) if is_pattern else [pattern]  # noqa: PTH207
+        if not paths:
+            raise ConfigError(f"{name}: no file {pattern}; allowed: {KINDS}")
+        for path in paths:
+            # One file may be spelled in several ways.
+            if Path(path).resolve() in read:
+                raise ConfigError(f"{name}: {path} is given twice; allowed: each run once")
+            read.add(Path(path).resolve())
+            arms.setdefault(name, []).append(Path(path))
+    return {name: read_logs(paths, name) for name, paths in arms.items()}
+
+
+def show_transfers(arms: dict[str, list[LearningCurve]], options: Namespace) -> None:
+    """Measure the arms, and print and write what was found."""
+    import pandas as pd
+
+    from ship_trl.study.compare import forward_transfer
+    from ship_trl.study.report.tables import write_csv
+    from ship_trl.study.statistics import welch
+
+    curves = [curve for own in arms.values() for curve in own]
+    steps = min(float(curve.steps[-1]) for curve in curves)
+    check_steps(arms, steps)
+    moving = {name: metrics.moving_returns(own, steps) for name, own in arms.items()}
+    low, high = metrics.find_scale(curves, np.concatenate([*moving.values()]))
+    low = low if options.low is None else options.low
+    high = high if options.high is None else options.high
+    if not high > low:
+        raise ConfigError(
+            f"--low: must be below --high, got {low:g} and {high:g}; the returns reach both by default"
+        )
+    found = {
+        name: metrics.measure_curves(own, (moving[name] - low) / (high - low), options.threshold)
+        for name, own in arms.items()
+    }
+    table = pd.concat({name: pd.DataFrame(values) for name, values in found.items()}, names=["arm"])
+    table = table.dropna(axis=1, how="all")
+    baseline, rows = next(iter(arms)), []
+    for name in arms:
+        own, base = ({key: table.loc[one, key].to_numpy() for key in table} for one in (name, baseline))
+        cells = [welch(float(one.mean()), [one]).words() for one in own.values()]
+        rows.append([name, str(len(arms[name])), *cells, ""])
+        if name != baseline:
+            pairs = [(one, base[key]) for key, one in own.items()]
+            cells = [welch(float(a.mean() - b.mean()), [a, b]).words("+") for a, b in pairs]
+            forward = forward_transfer(own["area"], base["area"])
+            rows.append([f"{name} - {baseline}", "", *cells, forward.words("+")])
+    show(("arm", "runs", *table, "forward transfer"), rows, options.markdown)
+    sys.stdout.write(
+        f"scores: 0 is a return of {low:g}, 1 is {high:g}; areas over the first {steps:,.0f} steps; time: "
+        f"share of them until a score of {options.threshold:g}; 95 % intervals over runs\n"
+    )
+    if options.csv is not None:
+        table.insert(0, "run", [curve.name for curve in curves])
+        write_csv(options.csv, table.reset_index("arm").to_dict("records"))
+        sys.stdout.write(f"{options.csv}\n")
+
+
+def check_steps(arms: dict[str, list[LearningCurve]], steps: float) -> None:
+    """Check that every run has returns in the steps that all runs have, from near their beginning on.
+
+    Raises:
+        ConfigError: a run has too few, begins later, or has no steps.
+    """
+    for name, curves in arms.items():
+        for curve in curves:
+            if sum(curve.steps <= steps) < MIN_RETURNS or not steps > 0:
+                where = f"the first {steps:,.0f} steps, which are those that all runs have"
+                allowed = "runs of like lengths that begin at step 0"
+                raise ConfigError(
+                    f"{name}: {curve.name} has fewer than {MIN_RETURNS} returns in {where}; "
+                    f"allowed: {allowed}"
+                )
+            if curve.steps[0] > max(MAX_BEGINNING * steps, 2 * np.diff(curve.steps).max()):
+                raise ConfigError(
+                    f"{name}: {curve.name} begins at step {curve.steps[0]:,.0f} of the {steps:,.0f} that all "
+                    "runs have; allowed: runs from step 0 on, with the file before if it was resumed"
+                )

@@ -21,26 +21,24 @@ from ship_trl.cli.errors import refusals
 from ship_trl.cli.parser import make_parser
 from ship_trl.config.command import command
 from ship_trl.config.errors import ConfigError, print_error
-from ship_trl.run.console import format_duration, show
+from ship_trl.run.console import say, show
 from ship_trl.run.process import exit_at_sigterm
-from ship_trl.study.ask import ask
 from ship_trl.study.claims import load_claims
+from ship_trl.study.compare import ask
 from ship_trl.study.launch import (
     LOG,
     REPORT,
-    Display,
     check_account,
+    describe_work,
     log_summary,
-    processes,
     run_jobs,
-    say,
-    seconds_per_run,
     set_aside,
+    show_progress,
     unfinished,
     write_jobs,
 )
 from ship_trl.study.manifest import run_config, write_plan
-from ship_trl.study.plan import Job, StudyConfig, plan_jobs, to_study
+from ship_trl.study.plan import plan_jobs, to_study
 from ship_trl.study.statistics import LEVEL, Estimate
 from ship_trl.study.study import Study, finished_study
 from ship_trl.study.tables import CURVES, RUNS, has_tables, restore, write_tables
@@ -112,17 +110,16 @@ def main(arguments: list[str] | None = None) -> None:
         run_study(found.words)
         return
     with refusals():
-        actions = {
-            "report": write_report,
-            "ask": print_answers,
-            "keep": keep_tables,
-            "layers": measure_layers,
-        }
-        actions[found.verb](found)
+        if found.verb == "layers":
+            from ship_trl.explain.study import add_seeds
+
+            add_seeds(found.folder, found.table)
+            return
+        {"report": write_report, "ask": print_answers, "keep": keep_tables}[found.verb](found)
 
 
 def run_study(words: list[str]) -> None:
-    """Plan the runs, estimate their time, run what is missing, and write the report."""
+    """Plan the runs, run what is missing, and write the report."""
     try:
         exit_at_sigterm("terminated; the same command continues the study")
         with refusals():
@@ -136,7 +133,13 @@ def run_study(words: list[str]) -> None:
                 )
             claims = load_claims()
             write_plan(jobs, config, claims.rules)
-            left = train_missing(jobs, config)
+            write_jobs(jobs, config)
+            for line in set_aside(jobs, config):
+                say(line)
+            missing = unfinished(jobs, config)
+            say(describe_work(missing, jobs, config))
+            with show_progress(jobs, config, run_config(config).learn.episodes) as watch:
+                left = run_jobs(missing, config, watch)
             if len(left) < len(jobs):
                 from ship_trl.study.report.write import report
 
@@ -151,26 +154,6 @@ def run_study(words: list[str]) -> None:
             f"{len(left)} of {len(jobs)} runs have no result ({left[0].name} ...); see {config.folder / LOG}"
         )
         sys.exit(1)
-
-
-def train_missing(jobs: list[Job], config: StudyConfig) -> list[Job]:
-    """Run all missing jobs; return those that have no result in the end."""
-    write_jobs(jobs, config)
-    for line in set_aside(jobs, config):
-        say(line)
-    episodes = run_config(config).learn.episodes
-    missing = unfinished(jobs, config)
-    to_do = f"{len(missing)} of {len(jobs)} runs to do"
-    if missing and config.launcher == "joblib":
-        say(f"{to_do}; short runs measure how long they take")
-        seconds, how = seconds_per_run(jobs, config, episodes)
-        at_once = processes(config)
-        duration = format_duration(len(missing) * seconds / at_once)
-        say(f"{to_do}, about {duration}, {at_once} at once, by {how}")
-    elif missing:
-        say(f"{to_do}, by {config.launcher}")
-    with Display(jobs, config, episodes) as display:
-        return run_jobs(missing, config, display.show)
 
 
 def write_report(options: Namespace) -> None:
@@ -231,10 +214,3 @@ def keep_tables(options: Namespace) -> None:
     size = sum((goal / name).stat().st_size for name in (RUNS, CURVES))
     left = f", {broken} left out" if broken else ""
     sys.stdout.write(f"{whole} runs{left}; {size / whole / 1000:.1f} kB a run in {goal}\n")
-
-
-def measure_layers(options: Namespace) -> None:
-    """Add the seeds that a table of similarities of layers lacks."""
-    from ship_trl.explain.study import add_seeds
-
-    add_seeds(options.folder, options.table)

@@ -23,11 +23,11 @@ from ship_trl.sim.cases import load_case
 from ship_trl.study.manifest import PLAN, load_plan
 from ship_trl.study.plan import PAIRS
 from ship_trl.study.tables import (
+    LAYER_TYPES,
     OTHER_SEED,
     SCRATCH,
     SOURCE,
     UNTRAINED,
-    Layer,
     read_layers,
     write_layers,
 )
@@ -39,6 +39,7 @@ if TYPE_CHECKING:
 
 # Half of the episodes take random actions, half those of the bundled network of the case.
 EPISODES, STATES_SEED = 60, 0
+Layer = tuple[int, str, str, str, str, float]
 # Folders of runs, by arm.
 Runs = dict[str, Path]
 
@@ -49,8 +50,10 @@ def add_seeds(folder: Path, path: Path) -> None:
     Raises:
         ConfigError: the folder holds no study or no complete seed, or the table cannot be read.
     """
-    rows = read_layers(path) if path.exists() else []
-    done = {row.seed for row in rows}
+    import pandas as pd
+
+    table = read_layers(path) if path.exists() else pd.DataFrame(columns=list(LAYER_TYPES))
+    done = set(table["seed"])
     # By seed, pair and arm.
     planned: dict[int, dict[str, Runs]] = defaultdict(lambda: defaultdict(dict))
     for job in load_plan(folder).jobs:
@@ -69,9 +72,10 @@ def add_seeds(folder: Path, path: Path) -> None:
             earlier = [s for s, others in complete.items() if s < seed and SCRATCH in others.get(pair, {})]
             other_seed = complete[earlier[-1]][pair][SCRATCH] if earlier else None
             found += compare_pair(seed, pair, runs, other_seed)
-        rows += found
+        new = pd.DataFrame(found, columns=list(LAYER_TYPES))
+        table = pd.concat([table, new]) if done else new
         done.add(seed)
-        write_layers(path, rows)
+        write_layers(path, table)
         sys.stdout.write(f"seed {seed}: {len(found)} numbers, {time.monotonic() - started:.0f} s\n")
         sys.stdout.flush()
     if not done:
@@ -80,7 +84,9 @@ def add_seeds(folder: Path, path: Path) -> None:
 
 
 def compare_pair(seed: int, pair: str, runs: Runs, other_seed: Path | None) -> list[Layer]:
-    """Compare the networks of a pair; `other_seed` is the run from scratch of an earlier seed.
+    """Compare the networks of a pair: rows of `LAYER_TYPES`.
+
+    `other_seed` is the run from scratch of an earlier seed.
 
     Raises:
         ConfigError: a run or a network cannot be read, none is from scratch, or there are several sources.
@@ -133,7 +139,7 @@ def compare_pair(seed: int, pair: str, runs: Runs, other_seed: Path | None) -> l
     if other_seed:
         others[SCRATCH][OTHER_SEED] = kernels(load(other_seed / POLICY))
     return [
-        Layer(seed, pair, arm, name, layer, round(cka(kernel, other[layer]), 4))
+        (seed, pair, arm, name, layer, round(cka(kernel, other[layer]), 4))
         for arm, found in of_arm.items()
         for name, other in others[arm].items()
         for layer, kernel in found.items()

@@ -7,7 +7,6 @@ import os
 import statistics
 import subprocess
 import sys
-import tempfile
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager, suppress
 from itertools import count
@@ -15,7 +14,6 @@ from pathlib import Path
 from typing import Any
 
 from omegaconf import OmegaConf
-from rich.console import Console
 from rich.progress import BarColumn, Progress, TimeElapsedColumn, TimeRemainingColumn
 
 from ship_trl.config.command import override
@@ -25,7 +23,7 @@ from ship_trl.files.curve import CURVE, RunError
 from ship_trl.files.disk import atomic_write
 from ship_trl.files.record import RESULT, RunRecord, read_run
 from ship_trl.grid.launchers import die_with_parent
-from ship_trl.run.console import PACE_SECONDS, Lines, time_left
+from ship_trl.run.console import PACE_SECONDS, Lines, console, format_duration, say, time_left
 from ship_trl.run.plan import CHECKPOINTS, DAMAGED
 from ship_trl.study.manifest import run_config
 from ship_trl.study.plan import Job, StudyConfig, source_folder
@@ -94,24 +92,6 @@ def command(jobs: list[Job], config: StudyConfig) -> list[str]:
     ]
 
 
-@contextmanager
-def started(arguments: list[str], log: Path) -> Iterator[subprocess.Popen[bytes]]:
-    """Start a child process that appends its output to `log`; terminate it at the end of the block."""
-    with log.open("ab") as output:
-        child = subprocess.Popen(
-            arguments,
-            stdout=output,
-            stderr=subprocess.STDOUT,
-            stdin=subprocess.DEVNULL,
-            preexec_fn=die_with_parent,
-        )
-        try:
-            yield child
-        finally:
-            child.terminate()
-            child.wait()
-
-
 def run_jobs(jobs: list[Job], config: StudyConfig, watch: Callable[[], None]) -> list[Job]:
     """Run jobs stage by stage, with retries, and return those without a result; call `watch` every second.
 
@@ -121,28 +101,41 @@ def run_jobs(jobs: list[Job], config: StudyConfig, watch: Callable[[], None]) ->
         # Without the study's source a run would train its own.
         left, failures = [job for job in jobs if job.stage == stage and has_source(job, config)], 0
         while left and failures <= config.retries:
-            for batch in batches(left, config):
-                with started(command(batch, config), config.folder / LOG) as child:
-                    while child.poll() is None:
-                        watch()
-                        with suppress(subprocess.TimeoutExpired):
-                            child.wait(1.0)
-                watch()
+            # slurm_local starts all jobs in parallel, so it gets one a process.
+            size = processes(config) if config.launcher == "slurm_local" else len(left)
+            for k in range(0, len(left), size):
+                run_batch(left[k : k + size], config, watch)
             before, left = left, unfinished(left, config)
             failures += len(left) == len(before)
     return unfinished(jobs, config)
+
+
+def run_batch(jobs: list[Job], config: StudyConfig, watch: Callable[[], None]) -> None:
+    """Run jobs in a process of their own, which appends its output to the study's log."""
+    with (
+        (config.folder / LOG).open("ab") as log,
+        subprocess.Popen(
+            command(jobs, config),
+            stdout=log,
+            stderr=subprocess.STDOUT,
+            stdin=subprocess.DEVNULL,
+            preexec_fn=die_with_parent,
+        ) as child,
+    ):
+        try:
+            while child.poll() is None:
+                watch()
+                with suppress(subprocess.TimeoutExpired):
+                    child.wait(1.0)
+        finally:
+            child.terminate()
+    watch()
 
 
 def has_source(job: Job, config: StudyConfig) -> bool:
     """Return whether a job needs no source, or its source is finished."""
     source = source_folder(job, config)
     return source is None or (config.folder / source / RESULT).exists()
-
-
-def batches(jobs: list[Job], config: StudyConfig) -> list[list[Job]]:
-    """Split jobs into batches; slurm_local starts a whole batch in parallel, so it gets one job a process."""
-    size = processes(config) if config.launcher == "slurm_local" else len(jobs)
-    return [jobs[k : k + size] for k in range(0, len(jobs), size)]
 
 
 def processes(config: StudyConfig) -> int:
@@ -184,68 +177,41 @@ def rename(folder: Path, reason: str) -> str:
     return f"{folder}: {reason}; kept as {new.name} and trained again"
 
 
-console = Console(highlight=False)
 # Bytes that hold the last line of a learning curve.
 TAIL_BYTES = 400
 # Without a terminal: a line after this share of the study, and at least this many seconds after the last.
 LINE_SHARE, LINE_SECONDS = 0.01, 60.0
 # From this many finished runs on, the estimate is their mean.
 MIN_FINISHED = 4
-# Episodes of the two short runs; a line through their times gives the time of a whole run.
-SHORT, LONG = 8, 40
 
 
-def say(text: str) -> None:
-    """Print a line."""
-    console.print(text, markup=False, soft_wrap=True)
+@contextmanager
+def show_progress(jobs: list[Job], config: StudyConfig, episodes: int) -> Iterator[Callable[[], None]]:
+    """Yield a function that shows how many runs are done; one under way counts by its share of `episodes`."""
+    left = unfinished(jobs, config)
 
+    def done() -> float:
+        nonlocal left
+        left = unfinished(left, config)
+        begun = sum(last_episode(job.folder(config.folder) / CURVE) for job in left)
+        return (len(jobs) - len(left) + begun / episodes) / len(jobs)
 
-class Display:
-    """Shows how much of a study is done; an unfinished run counts by its share of the `episodes` of a run."""
+    share = done()
+    lines = Lines(LINE_SHARE, share, LINE_SECONDS)
+    times = TimeElapsedColumn(), "left", TimeRemainingColumn()
+    columns = BarColumn(bar_width=30), "{task.description}", *times
+    is_plain = not console.is_terminal
+    with Progress(*columns, console=console, disable=is_plain, speed_estimate_period=PACE_SECONDS) as bar:
+        task = bar.add_task("", total=1.0, completed=share)
 
-    def __init__(self, jobs: list[Job], config: StudyConfig, episodes: int) -> None:
-        self._jobs, self._config, self._episodes = jobs, config, episodes
-        self._left = unfinished(jobs, config)
-        self._bar = Progress(
-            BarColumn(bar_width=30),
-            "{task.fields[done]} of {task.total} runs",
-            TimeElapsedColumn(),
-            "left",
-            TimeRemainingColumn(),
-            "{task.fields[now]}",
-            console=console,
-            disable=not console.is_terminal,
-            speed_estimate_period=PACE_SECONDS,
-        )
-        done = len(jobs) - len(self._left)
-        self._task = self._bar.add_task("", total=len(jobs), completed=done, done=done, now="")
-        share = (done + sum(map(self._share, self._left))) / len(jobs)
-        self._lines = Lines(LINE_SHARE, share, LINE_SECONDS)
+        def watch() -> None:
+            share = done()
+            words = f"{len(jobs) - len(left)} of {len(jobs)} runs"
+            bar.update(task, completed=share, description=words)
+            if is_plain and lines.due(share):
+                say(f"{words} done, {share:.0%} of all{time_left(bar)}")
 
-    def __enter__(self) -> Display:
-        self._bar.start()
-        return self
-
-    def __exit__(self, *_: object) -> None:
-        self._bar.stop()
-
-    def show(self) -> None:
-        """Read the runs' folders and move the bar, or print a line if one is due."""
-        self._left = unfinished(self._left, self._config)
-        shares = [self._share(job) for job in self._left]
-        done, total = len(self._jobs) - len(self._left), len(self._jobs)
-        running = [job for job, share in zip(self._left, shares, strict=True) if share > 0]
-        now = ", ".join(f"{job.label} {job.arm} {job.seed}" for job in running[:4])
-        completed = done + sum(shares)
-        self._bar.update(self._task, completed=completed, done=done, now=now)
-        share = completed / total
-        if not console.is_terminal and self._lines.due(share):
-            left = time_left(self._bar)
-            say(f"{done} of {total} runs done, {share:.0%} of all{left}; now {now or 'starting'}")
-
-    def _share(self, job: Job) -> float:
-        """Return the share of a run's episodes that are done."""
-        return last_episode(job.folder(self._config.folder) / CURVE) / self._episodes
+        yield watch
 
 
 def last_episode(path: Path) -> int:
@@ -258,42 +224,17 @@ def last_episode(path: Path) -> int:
         return 0
 
 
-def seconds_per_run(jobs: list[Job], config: StudyConfig, episodes: int) -> tuple[float, str]:
-    """Return the seconds of a run while others run beside it, and what the estimate is based on."""
+def describe_work(missing: list[Job], jobs: list[Job], config: StudyConfig) -> str:
+    """Say how many runs there are to do, and where some have finished, about how long these take."""
+    words = f"{len(missing)} of {len(jobs)} runs to do"
+    if config.launcher != "joblib":
+        return f"{words}, by {config.launcher}"
     known = [result.seconds for result in (finished(job, config) for job in jobs) if result]
-    if len(known) >= MIN_FINISHED:
-        return statistics.mean(known), f"the {len(known)} finished runs"
-    if episodes <= LONG:
-        return time_runs(config, episodes), f"runs of {episodes} episodes"
-    # The first run of a fresh installation compiles kernels.
-    time_runs(config, 1)
-    short, long = time_runs(config, SHORT), time_runs(config, LONG)
-    per_episode = max(0.0, (long - short) / (LONG - SHORT))
-    return short + per_episode * (episodes - SHORT), f"runs of {SHORT} and {LONG} episodes"
-
-
-def time_runs(config: StudyConfig, episodes: int) -> float:
-    """Return the mean seconds of short runs from scratch, as many in parallel as in the study.
-
-    Raises:
-        ConfigError: the runs failed.
-    """
-    count = processes(config)
-    with tempfile.TemporaryDirectory() as folder:
-        log = Path(folder) / "log.txt"
-        # The last of a key that is given twice counts; a check of the grid would refuse it.
-        line = [
-            *(sys.executable, "-m", "ship_trl", "--multirun", f"hydra.launcher.n_jobs={count}"),
-            *(override("hydra.sweep.dir", folder), f"profile={config.profile}", *config.run_overrides),
-            *("target=4", "method=scratch", f"learn.episodes={episodes}", "learn.warmup_steps=100"),
-            *("hydra.callbacks.grid.checks=false", override("output", folder)),
-            f"seed={','.join(map(str, range(count)))}",
-        ]
-        with started(line, log) as child:
-            if child.wait() != 0:
-                last_line = log.read_text().strip().split("\n")[-1]
-                raise ConfigError(f"overrides: short runs failed: {last_line.removeprefix('ship_trl: ')}")
-        return statistics.mean(read_run(path.parent).seconds for path in Path(folder).rglob(RESULT))
+    at_once = processes(config)
+    if len(known) < MIN_FINISHED or not missing:
+        return f"{words}, {at_once} at once"
+    duration = format_duration(len(missing) * statistics.mean(known) / at_once)
+    return f"{words}, about {duration}, {at_once} at once, by the {len(known)} finished runs"
 
 
 REPORT = "report"

@@ -3,9 +3,12 @@
 from __future__ import annotations
 
 import dataclasses
+import hashlib
 import json
-from collections.abc import Sequence
+import subprocess
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
+from datetime import UTC, datetime
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -18,7 +21,6 @@ from ship_trl.config.world import world_values
 from ship_trl.files.disk import atomic_write, read_json
 from ship_trl.grid.compose import compose_config
 from ship_trl.sim.cases import load_suite
-from ship_trl.study.claims import stamp
 from ship_trl.study.plan import PAIRS, Job, StudyConfig
 
 PLAN = "study.json"
@@ -68,10 +70,10 @@ def run_config(config: StudyConfig) -> Config:
     Raises:
         ConfigError: an override is wrong.
     """
+    # Without those of Hydra and its launcher.
+    overrides = [line for line in config.overrides if not line.startswith("hydra.")]
     try:
-        return compose_config(
-            "target=1", "method=scratch", f"profile={config.profile}", *config.run_overrides
-        )
+        return compose_config("target=1", "method=scratch", f"profile={config.profile}", *overrides)
     except ConfigError as error:
         raise ConfigError(f"overrides: {str(error).removeprefix('overrides: ')}") from None
 
@@ -153,10 +155,9 @@ def read_plan(path: Path, key: str) -> dict[str, Any]:
     """
     try:
         plan: dict[str, Any] = read_json(path)
-    except FileNotFoundError:
-        raise ConfigError(f"{key}: {path} is missing; every study has this plan") from None
     except (OSError, ValueError):
-        raise ConfigError(f"{key}: {path} is not a study's plan") from None
+        state = "is not a study's plan" if path.exists() else "is missing; every study has this plan"
+        raise ConfigError(f"{key}: {path} {state}") from None
     read_as(Plan, plan, f"{key}: {path} is not a study's plan: ", from_json=True)
     return plan
 
@@ -174,3 +175,40 @@ def load_plan(folder: Path) -> Plan:
     if not plan.seeds:
         raise ConfigError(f"folder: {path} is not a study's plan: it has no seeds")
     return plan
+
+
+def digest(rules: Sequence[Path]) -> str | None:
+    """Return the SHA-256 of the files with the rules; None if one is missing."""
+    if not all(path.is_file() for path in rules):
+        return None
+    return hashlib.sha256(b"".join(path.read_bytes() for path in rules)).hexdigest()
+
+
+def stamp(rules: Sequence[Path]) -> dict[str, Any]:
+    """Return digest and commit of the rules and the present time; nothing without rules."""
+    now = datetime.now(UTC).isoformat(timespec="seconds")
+    return {"digest": digest(rules), "commit": last_commit(rules), "begun": now} if rules else {}
+
+
+def last_commit(rules: Sequence[Path]) -> str | None:
+    """Return commit and time of the last change of the rules; None if unknown or not committed."""
+
+    def git(*words: str) -> str:
+        line = ["git", "-C", str(rules[0].parent), *words, "--", *map(str, rules)]
+        return subprocess.run(line, capture_output=True, text=True, check=True, timeout=10).stdout.strip()
+
+    try:
+        return None if git("status", "--porcelain") else git("log", "-1", "--format=%H of %cI") or None
+    except (OSError, subprocess.SubprocessError):
+        return None
+
+
+def describe_rules(begun: Mapping[str, Any], rules: Sequence[Path]) -> str:
+    """Say by which rules a study is judged, and whether they have changed since it was begun."""
+    if not begun or not rules:
+        return "No plan was kept with these runs, so nothing shows that the rules are older than the runs."
+    commit = "no commit" if begun["commit"] is None else f"commit {begun['commit']}"
+    words = f"Rules: {'/'.join(rules[0].parts[-3:])}, {commit}; the study was begun at {begun['begun']}."
+    if digest(rules) != begun["digest"]:
+        words += " The text has changed since; that commit has it as it was when the study was begun."
+    return words

@@ -3,8 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterable, Mapping, Sequence
-from dataclasses import dataclass
+from collections.abc import Callable, Iterable, Sequence
 from functools import partial
 from typing import Any
 
@@ -189,76 +188,47 @@ def measure(record: RunRecord, name: str) -> float:
 # Metrics of learning curves of any library (Taylor and Stone, 2009): all arms on the steps that all have.
 # Parts of the steps, in each of which returns are averaged.
 POINTS = 200
-Scores = NDArray[np.float64]
+Floats = NDArray[np.float64]
 
 
-@dataclass(frozen=True)
-class Scale:
-    """The returns that score 0 and 1, and the score to reach."""
-
-    low: float
-    high: float
-    threshold: float = THRESHOLDS[0]
-
-
-def scores(curves: Sequence[LearningCurve], steps: float, scale: Scale) -> Scores:
-    """Return moving scores [runs, POINTS] of curves up to a number of steps."""
-    width = max(1, round(WINDOW * POINTS))
+def moving_returns(curves: Sequence[LearningCurve], steps: float) -> Floats:
+    """Return moving returns [runs, POINTS] in the first steps; a return holds for the steps before it."""
+    window = np.ones(max(1, round(WINDOW * POINTS)))
     # The mean of the parts up to half a window to either side, fewer at the ends.
-    weights = np.convolve(np.ones(POINTS), np.ones(width), "same")
-    moving = [np.convolve(means(one, steps), np.ones(width), "same") / weights for one in curves]
-    return (np.array(moving) - scale.low) / (scale.high - scale.low)
+    weights, moving = np.convolve(np.ones(POINTS), window, "same"), []
+    for one in curves:
+        ends = np.concatenate(([0.0], one.steps))
+        total = np.concatenate(([0.0], np.cumsum(np.diff(ends) * one.returns)))
+        parts = np.diff(np.interp(np.linspace(0.0, steps, POINTS + 1), ends, total)) * POINTS / steps
+        moving.append(np.convolve(parts, window, "same") / weights)
+    return np.array(moving)
 
 
-def means(curve: LearningCurve, steps: float) -> NDArray[np.float64]:
-    """Return the mean return in each part of the steps, [POINTS]; a return holds for the steps before it."""
-    ends = np.concatenate(([0.0], curve.steps))
-    total = np.concatenate(([0.0], np.cumsum(np.diff(ends) * curve.returns)))
-    parts: NDArray[np.float64] = np.diff(np.interp(np.linspace(0.0, steps, POINTS + 1), ends, total))
-    return parts * POINTS / steps
-
-
-def measure_scores(moving: Scores, threshold: float) -> dict[str, NDArray[np.float64]]:
-    """Return each metric of moving scores [runs, POINTS], [runs].
+def measure_curves(curves: Sequence[LearningCurve], scores: Floats, threshold: float) -> dict[str, Floats]:
+    """Return each metric of curves, [runs], from their moving scores [runs, POINTS]; NaN if not measured.
 
     `time` is the share of the steps until the threshold is reached, 1 if it never is.
     """
-    reached = moving >= threshold
+    reached = scores >= threshold
+    rates = [mean(last(one.success_rates)) if one.success_rates.size else math.nan for one in curves]
     return {
-        "start": first(moving.T, WINDOW).mean(0),
-        "early area": first(moving.T, EARLY).mean(0),
-        "area": moving.mean(1),
+        "start": first(scores.T, WINDOW).mean(0),
+        "early area": first(scores.T, EARLY).mean(0),
+        "area": scores.mean(1),
         "time": np.where(reached.any(1), (reached.argmax(1) + 0.5) / POINTS, 1.0),
-        "asymptote": last(moving.T, LAST).mean(0),
+        "asymptote": last(scores.T, LAST).mean(0),
+        "greedy success": np.array(rates),
+        "forgetting": np.array([one.forgetting for one in curves]),
     }
 
 
-def measure_arms(
-    arms: Mapping[str, Sequence[LearningCurve]], steps: float, scale: Scale
-) -> dict[str, dict[str, NDArray[np.float64]]]:
-    """Return each metric of each arm's runs, [runs]; those that no run has are left out."""
-    found = {}
-    for name, curves in arms.items():
-        rates = [last(one.success_rates).mean() if one.success_rates.size else np.nan for one in curves]
-        found[name] = measure_scores(scores(curves, steps, scale), scale.threshold)
-        found[name] |= {
-            "greedy success": np.array(rates),
-            "forgetting": np.array([one.forgetting for one in curves]),
-        }
-    measured = {
-        key for values in found.values() for key, numbers in values.items() if np.isfinite(numbers).any()
-    }
-    return {name: {k: v for k, v in values.items() if k in measured} for name, values in found.items()}
+def find_scale(curves: Iterable[LearningCurve], moving: Floats) -> tuple[float, float]:
+    """Return the returns that score 0 and 1, as `RunRecord.score`: of random actions, and the best known.
 
-
-def find_scale(arms: Mapping[str, Sequence[LearningCurve]], steps: float) -> Scale:
-    """Return the scale of `RunRecord.score`: 0 is random actions, 1 the best known return.
-
-    If no runs of one target say both, it goes from the least to the largest moving return of any run.
+    If no runs of one target say both, they are the least and the largest moving return of any run.
     """
-    known = {one.known for curves in arms.values() for one in curves if one.known is not None}
+    known = {one.known for one in curves if one.known is not None}
     if len(known) == 1:
-        return Scale(*known.pop())
-    returns = np.concatenate([scores(curves, steps, Scale(0.0, 1.0)) for curves in arms.values()])
-    low, high = float(returns.min()), float(returns.max())
-    return Scale(low, high if high > low else low + 1.0)
+        return known.pop()
+    low, high = float(moving.min()), float(moving.max())
+    return low, high if high > low else low + 1.0

@@ -8,7 +8,6 @@ from dataclasses import dataclass, field, replace
 from functools import cache
 from importlib.util import find_spec
 from pathlib import Path
-from types import MappingProxyType
 from typing import Annotated, Any
 
 import yaml
@@ -62,14 +61,8 @@ SCRATCH_PAIR = {"self": "high", "ship": "high", "self4": "low", "self6": "lowest
 
 # Section 4.3: the case most similar to the new one, and the pair and arm that made the reused network.
 REUSED_CASE, REUSED_PAIR, REUSED_ARM, NEW_CASE = "2", "high", WHOLE, "new"
-# Hydra's launchers (conf/hydra/launcher) and their plugins.
-LAUNCHERS = {
-    "joblib": "hydra_joblib_launcher",
-    "slurm": "hydra_submitit_launcher",
-    "slurm_local": "hydra_submitit_launcher",
-    "ray_local": "hydra_ray_launcher",
-    "ray_cluster": "hydra_ray_launcher",
-}
+# Hydra's launchers (conf/hydra/launcher), and the plugins of those that are called otherwise.
+LAUNCHERS, PLUGINS = ("joblib", "slurm", "slurm_local", "ray_local", "ray_cluster"), {"slurm": "submitit"}
 # One seed shows no variation over seeds.
 SeedCount = Annotated[int, Field(ge=2)]
 # Keys that each job sets itself.
@@ -85,8 +78,8 @@ LOW, ONE = f"{REUSE}/epsilon_low", f"{REUSE}/epsilon_1"
 # Case 2's network trained on case 2 alone, as the other sources are; reused with the low epsilon.
 ALONE = f"{REUSE}/alone"
 PARTS = (SOURCES, PAIRS, CONTROLS, LOW, ONE, ALONE)
-# Cases whose networks are reused on the new case too: the paper's sources, and targets of its pairs.
-OTHER_SOURCES, FURTHER_SOURCES = ("1", "3", "5"), ("4", "6")
+# Cases whose networks are reused on the new case too: the paper's sources, then targets of its pairs.
+OTHER_SOURCES = ("1", "3", "5", "4", "6")
 LOW_EPSILON = 0.1
 # An arm's place in a study: part, pair (or another label), arm.
 Place = tuple[str, str, str]
@@ -100,7 +93,7 @@ def reuse_label(source: str) -> str:
 
 # The networks on the new case, with the starting epsilon, which is low where none is named. Each "case N" was
 # trained on its case alone, the reused network on two cases.
-SOURCE_CASES = tuple(sorted((REUSED_CASE, *OTHER_SOURCES, *FURTHER_SOURCES)))
+SOURCE_CASES = tuple(sorted((REUSED_CASE, *OTHER_SOURCES)))
 REUSED: Places = {
     "reused, low": (LOW, reuse_label(REUSED_CASE), REUSED_ARM),
     "reused, 1": (ONE, reuse_label(REUSED_CASE), REUSED_ARM),
@@ -144,24 +137,15 @@ class StudyConfig:
     wandb: StudyWandb
 
     @property
-    def count(self) -> int:
-        """The number of seeds."""
-        return self.profile_seeds[self.profile] if self.seeds is None else self.seeds
-
-    @property
     def numbers(self) -> range:
         """The seeds."""
-        return range(self.first_seed, self.first_seed + self.count)
+        count = self.profile_seeds[self.profile] if self.seeds is None else self.seeds
+        return range(self.first_seed, self.first_seed + count)
 
     @property
     def folder(self) -> Path:
         """The study's folder."""
         return Path(self.output or f"outputs/{self.profile}_study")
-
-    @property
-    def run_overrides(self) -> list[str]:
-        """The overrides of the runs, without those of Hydra and its launcher."""
-        return [line for line in self.overrides if not line.startswith("hydra.")]
 
 
 def to_study(overrides: list[str]) -> StudyConfig:
@@ -200,8 +184,9 @@ def check(config: StudyConfig) -> None:
     check_names("arms", config.arms, config.arms)
     check_names("launcher", [config.launcher], list(LAUNCHERS))
     check_logger(config.logger)
-    if find_spec(f"hydra_plugins.{LAUNCHERS[config.launcher]}") is None:
-        raise ConfigError(f"launcher: {missing_extra(config.launcher, config.launcher.split('_')[0])}")
+    extra = config.launcher.split("_")[0]
+    if find_spec(f"hydra_plugins.hydra_{PLUGINS.get(extra, extra)}_launcher") is None:
+        raise ConfigError(f"launcher: {missing_extra(config.launcher, extra)}")
     check_slurm(config.launcher, "launcher")
     if config.seeds is None and config.profile not in config.profile_seeds:
         raise ConfigError(f"seeds: must be given; conf/study.yaml has none for profile {config.profile}")
@@ -216,23 +201,21 @@ def check(config: StudyConfig) -> None:
     for key, names in (("pairs", config.pairs), ("arms", config.arms)):
         if config.controls and (found := [name for name in names if name in controls]):
             raise ConfigError(f"{key}: {found[0]} is one of the controls; allowed: controls=false")
-    check_overrides(config)
-
-
-def check_overrides(config: StudyConfig) -> None:
-    """Refuse keys that differ between runs: an override would give all runs the same value."""
     for key in (line.split("=")[0].lstrip("+~") for line in config.overrides):
-        if key in JOB_KEYS:
-            raise ConfigError(
-                f"overrides: {key} differs between runs; allowed: what all runs share, as learn.lr=1e-3"
-            )
-        if key.startswith("perturbation"):
-            raise ConfigError(
-                "overrides: perturbation: a study compares with the best known returns of cases; "
-                "allowed: no perturbation"
-            )
-        if key == "learn.epsilon_start" and config.reuse:
-            raise ConfigError(f"overrides: {key} differs between runs; allowed: reuse=false")
+        check_override(key, config)
+
+
+def check_override(key: str, config: StudyConfig) -> None:
+    """Refuse a key that differs between runs: an override would give all runs the same value."""
+    if key in JOB_KEYS:
+        raise ConfigError(
+            f"overrides: {key} differs between runs; allowed: what all runs share, as learn.lr=1e-3"
+        )
+    if key.startswith("perturbation"):
+        told = "a study compares with best known returns; allowed: none"
+        raise ConfigError(f"overrides: perturbation: {told}")
+    if key == "learn.epsilon_start" and config.reuse:
+        raise ConfigError(f"overrides: {key} differs between runs; allowed: reuse=false")
 
 
 def check_names(key: str, got: list[str], allowed: list[str]) -> None:
@@ -245,10 +228,9 @@ def check_names(key: str, got: list[str], allowed: list[str]) -> None:
 
 
 @cache
-def read_option(group: str, name: str) -> Mapping[str, Any]:
+def read_option(group: str, name: str) -> Any:
     """Read the values of an option of a config group."""
-    values: Any = OmegaConf.to_container(read_yaml(conf_dir() / group / f"{name}.yaml"))
-    return MappingProxyType(values)
+    return OmegaConf.to_container(read_yaml(conf_dir() / group / f"{name}.yaml"))
 
 
 @dataclass(frozen=True)
@@ -340,7 +322,7 @@ def reuse_jobs(config: StudyConfig, seed: int) -> Iterator[Job]:
         yield make_job(part, NEW_CASE, SCRATCH, seed, {"target": NEW_CASE}, **extra)
         yield reuse(part, REUSED_CASE, PAIRS, REUSED_PAIR, REUSED_ARM, **extra)
     yield reuse(ALONE, REUSED_CASE, *source_place(config, REUSED_CASE), SCRATCH, **low)
-    for case in OTHER_SOURCES + FURTHER_SOURCES:
+    for case in OTHER_SOURCES:
         yield reuse(LOW, case, *source_place(config, case), SCRATCH, **low)
 
 

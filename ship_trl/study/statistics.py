@@ -62,11 +62,11 @@ class Estimate:
         is_bounded = isfinite(self.low) and isfinite(self.high)
         return f"{self.low:+.3f} to {self.high:+.3f}" if is_bounded else "unbounded"
 
-    def words(self, sign: str = "") -> str:
+    def words(self, sign: str = "", digits: int = 2) -> str:
         """Format the number with its interval, without one where it is unbounded; - for NaN."""
         if isnan(self.value):
             return "-"
-        value, low, high = (f"{number:{sign}.2f}" for number in (self.value, self.low, self.high))
+        value, low, high = (f"{number:{sign}.{digits}f}" for number in (self.value, self.low, self.high))
         return f"{value} ({low} to {high})" if isfinite(self.low) else value
 
     def cells(self, name: str, mark: str = " ") -> dict[str, Any]:
@@ -149,6 +149,28 @@ def welch(value: float, samples: Sequence[Sample]) -> Estimate:
     )
     reach = float(special.stdtrit(freedom, 1 - LEVEL / 2)) * float(np.sqrt(parts.sum()))
     return Estimate(value, value - reach, value + reach)
+
+
+def compare(one: Sample, other: Sample | None = None, margin: float = nan) -> Estimate:
+    """Compare the means of two independent samples by Welch's t-test, or differences with zero by Student's.
+
+    `p` is two-sided; `within` tests for a mean within the margin, and is 1 where that is NaN.
+    """
+
+    def test(shift: float = 0.0, side: str = "two-sided") -> Any:
+        if other is None:
+            return stats.ttest_1samp(one, shift, alternative=side)
+        return stats.ttest_ind(one - shift, other, alternative=side, equal_var=False)
+
+    value = float(one.mean() - (0.0 if other is None else other.mean()))
+    # Where all differences are alike no test can be made, and none is needed.
+    if other is None and np.ptp(one) <= TOLERANCE:
+        return Estimate(value, value, value, p=float(value == 0))
+    found, within = test(), 1.0
+    low, high = map(float, found.confidence_interval(CONFIDENCE))
+    if isfinite(margin):
+        within = float(max(test(margin, "less").pvalue, test(-margin, "greater").pvalue))
+    return Estimate(value, low, high, p=float(found.pvalue), within=within)
 
 
 def bootstrap(samples: Sequence[Sample], statistic: Callable[..., Any], seed: int) -> Estimate:

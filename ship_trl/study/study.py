@@ -6,6 +6,7 @@ from collections import Counter, defaultdict
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 from ship_trl.config.errors import ConfigError, print_error
 from ship_trl.files.record import RunRecord
@@ -27,12 +28,14 @@ from ship_trl.study.tables import (
     COMPUTED,
     LAYERS,
     NO_PART,
-    Layer,
     has_tables,
     read_layers,
     read_runs,
     read_tables,
 )
+
+if TYPE_CHECKING:
+    import pandas as pd
 
 # The number of seeds between looks, and how many looks there are at most.
 BLOCK, MAX_LOOKS = 5, 5
@@ -52,7 +55,7 @@ class Study:
     broken: list[tuple[Path, str]] = field(default_factory=list)
     plan: Plan = NO_PLAN
     level: float = LEVEL / 2
-    layers: list[Layer] = field(default_factory=list)
+    layers: pd.DataFrame | None = None
     claims: Claims = NO_CLAIMS
 
     @property
@@ -78,7 +81,7 @@ class Study:
         """Return the study of the first `count` seeds, with another level."""
         seeds = set(self.seeds[:count])
         kept = {key: record for key, record in self.records.items() if key[3] in seeds}
-        layers = [row for row in self.layers if row.seed in seeds]
+        layers = None if self.layers is None else self.layers[self.layers["seed"].isin(seeds)]
         return replace(self, records=kept, layers=layers, level=level)
 
     def arm(self, part: str, pair: str, arm: str) -> dict[int, RunRecord]:
@@ -142,19 +145,19 @@ def finished_study(folder: Path, seeds: int | None = None, claims: Claims = NO_C
     return study
 
 
-def layers_of(folder: Path, records: Records, broken: list[tuple[Path, str]]) -> list[Layer]:
+def layers_of(folder: Path, records: Records, broken: list[tuple[Path, str]]) -> pd.DataFrame | None:
     """Return a folder's layer similarities of these runs; add to `broken` what is left out."""
     path = folder / LAYERS
     if not path.exists():
-        return []
+        return None
     try:
-        rows = read_layers(path)
+        table = read_layers(path)
     except ConfigError as error:
         broken.append((path, str(error).removeprefix(f"table: {path} ")))
-        return []
-    kept = [row for row in rows if (PAIRS, row.pair, row.arm, row.seed) in records]
-    if missing := len(rows) - len(kept):
-        broken.append((path, f"{missing} of {len(rows)} rows are of missing runs"))
+        return None
+    kept = table[[(PAIRS, row.pair, row.arm, row.seed) in records for row in table.itertuples()]]
+    if missing := len(table) - len(kept):
+        broken.append((path, f"{missing} of {len(table)} rows are of missing runs"))
     return kept
 
 

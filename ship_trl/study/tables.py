@@ -9,12 +9,10 @@ further seed only adds bytes at the end, which keeps a repository small. `pandas
 
 from __future__ import annotations
 
-import csv
 import hashlib
 import io
 import json
 import lzma
-import math
 import os
 import shutil
 from collections.abc import Iterator, Mapping, Sequence
@@ -22,7 +20,7 @@ from contextlib import contextmanager
 from dataclasses import fields, replace
 from itertools import groupby
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import TYPE_CHECKING, Any
 
 from ship_trl.config.errors import ConfigError, print_error
 from ship_trl.config.paths import is_name
@@ -216,42 +214,33 @@ MAX_BYTES = 20_000_000
 SOURCE, SCRATCH, OTHER_SEED, UNTRAINED = "source", "scratch", "other seed", "untrained"
 
 
-class Layer(NamedTuple):
-    """The CKA of a layer in an arm's network and in the network `beside` it."""
-
-    seed: int
-    pair: str
-    arm: str
-    beside: str
-    layer: str
-    cka: float
+# A row is the CKA of a layer in an arm's network and in the network `beside` it.
+LAYER_NAMES = ("pair", "arm", "beside", "layer")
+LAYER_TYPES = {"seed": "int64", **dict.fromkeys(LAYER_NAMES, "str"), "cka": "float64"}
 
 
-def read_layers(path: Path) -> list[Layer]:
-    """Read a table of layers, or raise a ConfigError."""
-    return read_table(path, Layer._fields, layer_of, MAX_BYTES, "table", "a table of layers")
+def read_layers(path: Path) -> pd.DataFrame:
+    """Read a table of layers, with the columns of `LAYER_TYPES`, or raise a ConfigError."""
+    import pandas as pd
+
+    try:
+        rows = read_table(path, tuple(LAYER_TYPES), dict, MAX_BYTES, "table", "a table of layers")
+        table = pd.DataFrame(rows, columns=list(LAYER_TYPES)).astype(LAYER_TYPES)
+        if not table[[*LAYER_NAMES]].map(is_name).all(axis=None):
+            raise ValueError("a row without a name")
+        # The estimate is unbiased, so it may be a little above 1 or below 0. NaN is allowed.
+        if (table["cka"].abs() > 2).any():
+            raise ValueError("a CKA beyond 2")
+    except ValueError as error:
+        raise ConfigError(f"table: {path} is not a table of layers: {error}") from None
+    return table
 
 
-def layer_of(row: dict[str, str]) -> Layer:
-    """Read a row from its cells; raise ValueError for a wrong one."""
-    words = {name: row[name] for name in ("pair", "arm", "beside", "layer")}
-    if not all(map(is_name, words.values())):
-        raise ValueError("a row without a name")
-    cka = float(row["cka"])
-    # The estimate is unbiased, so it may be a little above 1 or below 0. NaN is allowed.
-    if math.isinf(cka) or abs(cka) > 2:
-        raise ValueError(f"a CKA of {cka:g}")
-    return Layer(int(row["seed"]), **words, cka=cka)
-
-
-def write_layers(path: Path, rows: Sequence[Layer]) -> None:
+def write_layers(path: Path, table: pd.DataFrame) -> None:
     """Write a table of layers, by seed."""
-    ordered = sorted(rows, key=lambda row: row.seed)
     path.parent.mkdir(parents=True, exist_ok=True)
-    with atomic_write(path) as draft, draft.open("w", newline="") as file:
-        writer = csv.writer(file, lineterminator="\n")
-        writer.writerow(Layer._fields)
-        writer.writerows(ordered)
+    with atomic_write(path) as draft:
+        table.sort_values("seed", kind="stable").to_csv(draft, index=False, lineterminator="\n")
 
 
 # Fields of a result, beside the settings, that may change digits.

@@ -5,23 +5,32 @@ A study's report writes them to `transfers.csv`. The table of the confirmatory s
 
 from __future__ import annotations
 
-import math
 import re
 from collections.abc import Iterable
 from dataclasses import dataclass, fields, replace
 from pathlib import Path
+from typing import Annotated
+
+from pydantic import Field
 
 from ship_trl.config.arm import Arm
 from ship_trl.config.command import command, override
-from ship_trl.config.paths import conf_dir, group_names, is_name
-from ship_trl.files.untrusted import read_table
+from ship_trl.config.paths import group_names
+from ship_trl.config.schema import read_as, rule
+from ship_trl.files.untrusted import Cells, read_table
 from ship_trl.sim.cases import Case
+from ship_trl.study.plan import options
 from ship_trl.transfer.casebase import POLICY
 
 TABLE = "transfers.csv"
 BUNDLED_TABLE = Path(__file__).parent / TABLE
 # A hundred transfers take 8,000 bytes.
 MAX_TABLE_BYTES = 1_000_000
+# They become part of a command that people paste into a shell.
+Word = Annotated[
+    str, rule("letters, digits, _ . -", lambda word: bool(re.fullmatch(r"\w[\w.-]{0,99}", word)))
+]
+Profile = Annotated[str, rule(f"one of {group_names('profile')}", lambda one: one in options("profile"))]
 
 
 @dataclass(frozen=True)
@@ -33,13 +42,13 @@ class Transfer:
     simultaneous over all transfers to the target.
     """
 
-    source: str
-    target: str
-    source_fingerprint: str
-    target_fingerprint: str
-    profile: str
+    source: Word
+    target: Word
+    source_fingerprint: Word
+    target_fingerprint: Word
+    profile: Profile
     arm: str
-    epsilon_start: float | None
+    epsilon_start: Annotated[float, Field(ge=0, le=1)] | None
     seeds: int
     gain: float
     low: float
@@ -68,26 +77,16 @@ def read_transfers(path: Path) -> list[Transfer]:
     Raises:
         ConfigError: it is not a table of transfers; the message names the option `--measured`.
     """
-    return read_table(path, COLUMNS, parse_transfer, MAX_TABLE_BYTES, "--measured", f"a report's {TABLE}")
 
+    def make(row: Cells) -> Transfer:
+        Arm.parse(row["arm"])
+        cells = {name: row[name] for name in COLUMNS}
+        found = read_as(Transfer, cells | {"epsilon_start": row["epsilon_start"] or None})
+        if not found.low <= found.gain <= found.high:
+            raise ValueError(f"gain is {found.gain:g}; allowed: {found.low:g} to {found.high:g}")
+        return found
 
-def parse_transfer(row: dict[str, str]) -> Transfer:
-    """Convert the cells of a row; raise ValueError if one is invalid."""
-    names = ("source", "target", "source_fingerprint", "target_fingerprint", "profile", "arm")
-    texts = {name: row[name] for name in names}
-    # They become part of a command that people paste into a shell.
-    if not all(re.fullmatch(r"\w[\w.-]{0,99}", row[name]) for name in names[:4]):
-        raise ValueError("a case name or fingerprint has characters other than letters, digits, _ . -")
-    Arm.parse(row["arm"])
-    if not is_name(row["profile"]) or not (conf_dir() / "profile" / f"{row['profile']}.yaml").is_file():
-        raise ValueError(f"no profile {row['profile']!r:.50}; allowed: {group_names('profile')}")
-    start = None if row["epsilon_start"] == "" else float(row["epsilon_start"])
-    if start is not None and not 0.0 <= start <= 1.0:
-        raise ValueError(f"epsilon_start is {start:g}; allowed: 0 to 1")
-    gain, low, high = (float(row[name]) for name in ("gain", "low", "high"))
-    if not -math.inf < low <= gain <= high < math.inf:
-        raise ValueError(f"gain is {gain:g}; allowed: from low ({low:g}) to high ({high:g})")
-    return Transfer(**texts, epsilon_start=start, seeds=int(row["seeds"]), gain=gain, low=low, high=high)
+    return read_table(path, COLUMNS, make, MAX_TABLE_BYTES, "--measured", f"a report's {TABLE}")
 
 
 def transfers_to(target: Case, known: Iterable[Transfer], cases: Iterable[Case]) -> list[Transfer]:

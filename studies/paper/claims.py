@@ -13,7 +13,6 @@ from ship_trl.study.plan import (
     CONTROL_KINDS,
     FE,
     FT,
-    FURTHER_SOURCES,
     NEW_CASE,
     OTHER_SOURCES,
     PERMUTED,
@@ -180,10 +179,7 @@ HYPOTHESES = [
     claim(
         "H9b",
         "Case 2 is the best source, each case's network trained on it alone.",
-        [
-            compare(NEW_CASE, REUSED, [f"case {REUSED_CASE}"], [f"case {case}"])
-            for case in (*OTHER_SOURCES, *FURTHER_SOURCES)
-        ],
+        [compare(NEW_CASE, REUSED, [f"case {REUSED_CASE}"], [f"case {case}"]) for case in OTHER_SOURCES],
     ),
 ]
 CONCLUSIONS = [

@@ -2,50 +2,26 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Iterator
 from typing import Any
 
 import numpy as np
 import pandas as pd
-from numpy.typing import NDArray
-from scipy import stats
 
 from ship_trl.config.arm import SCRATCH
 from ship_trl.config.errors import ConfigError
-from ship_trl.study.statistics import TOLERANCE, holm
+from ship_trl.study.statistics import LEVEL, Sample, compare, holm
 from studies.second.plan import ARMS, FROZEN, IMAZU, LEARNERS, PAIRS, TRAFFIC, TRAFFIC_ARMS, TUNED_ARMS
 
-Sample = NDArray[np.float64]
 AGAINST_REPLAY = "less a replay of its actions"
-# Two-sided error of a test, and the share of what could be gained that counts.
-LEVEL, MARGIN = 0.05, 0.2
+# The share of what could be gained that counts.
+MARGIN = 0.2
 SHARES = ("perturbed", "replayed", "traffic")
 # What a contrast says.
-MORE, LESS, EQUAL, OPEN = VERDICTS = ("more", "less", "equal", "open")
+MORE, LESS, EQUAL, OPEN = "more", "less", "equal", "open"
 # By target, source, arm and learner, in the order of seeds.
 Runs = dict[tuple[str, str, str, str], pd.DataFrame]
-
-
-@dataclass(frozen=True)
-class Contrast:
-    """A difference of two means with its 95 % interval, unadjusted, and what it says.
-
-    `possible_gain` is NaN if that means nothing. `p` and `p_equal` are adjusted within the question; `count`
-    are the runs of either side. `verdict` is one of `VERDICTS`.
-    """
-
-    question: int
-    where: str
-    what: str
-    value: float
-    low: float
-    high: float
-    possible_gain: float
-    p: float
-    p_equal: float
-    count: str
-    verdict: str = OPEN
+Row = dict[str, Any]
 
 
 def group_runs(table: pd.DataFrame) -> Runs:
@@ -63,116 +39,88 @@ def group_runs(table: pd.DataFrame) -> Runs:
     return dict(iter(runs.groupby(["target", "source", "arm", "learner"])))
 
 
-def metric_of(runs: Runs, target: str, source: str, arm: str, learner: str = "", *, metric: str) -> Sample:
-    """Return a metric of the runs of an arm, in the order of their seeds."""
-    return runs[target, source, arm, learner][metric].to_numpy()
+def metric_of(runs: Runs, target: str, source: str = "", arm: str = SCRATCH.name, metric: str = "") -> Sample:
+    """Return a metric of the runs of an arm, or from scratch, in the order of their seeds; default: area."""
+    return runs[target, source, arm, ""][metric or "area"].to_numpy()
 
 
-def scratch_of(runs: Runs, target: str, metric: str) -> Sample:
-    """Return a metric of the runs from scratch."""
-    return metric_of(runs, target, "", SCRATCH.name, metric=metric)
-
-
-def compare(
+def contrast(
     question: int,
     where: str,
     what: str,
     one: Sample,
     other: Sample | None = None,
     possible_gain: float = float("nan"),
-) -> Contrast:
-    """Compare two samples by Welch's t-test, or differences with zero by Student's."""
-
-    def test(shift: float = 0.0, side: str = "two-sided") -> Any:
-        if other is None:
-            return stats.ttest_1samp(one, shift, alternative=side)
-        return stats.ttest_ind(one - shift, other, alternative=side, equal_var=False)
-
-    value = float(one.mean() - (0.0 if other is None else other.mean()))
-    low, high, p, p_equal = value, value, float(value == 0), 1.0
-    # Where all differences are alike no test can be made, and none is needed.
-    if other is not None or np.ptp(one) > TOLERANCE:
-        found, margin = test(), MARGIN * possible_gain
-        low, high = map(float, found.confidence_interval(1 - LEVEL))
-        p = float(found.pvalue)
-        if np.isfinite(possible_gain):
-            p_equal = float(max(test(margin, "less").pvalue, test(-margin, "greater").pvalue))
-    count = f"{len(one)}" if other is None else f"{len(one)}, {len(other)}"
-    return Contrast(question, where, what, value, low, high, possible_gain, p, p_equal, count)
+) -> Row:
+    """Compare two samples, or differences with zero; `possible_gain` is NaN if that means nothing."""
+    found = compare(one, other, MARGIN * possible_gain)
+    return {
+        "question": question,
+        "where": where,
+        "what": what,
+        "value": found.value,
+        "low": found.low,
+        "high": found.high,
+        "possible_gain": possible_gain,
+        "p": found.p,
+        "p_equal": found.within,
+        "count": f"{len(one)}" if other is None else f"{len(one)}, {len(other)}",
+    }
 
 
-def transferred(runs: Runs) -> list[Contrast]:
+def transferred(runs: Runs) -> Iterator[Row]:
     """Question 1: what is transferred?"""
-    found = []
     for pair, (source, target) in PAIRS.items():
-        base = scratch_of(runs, target, "area")
-        could = float(1 - base.mean())
-        arm = {name: metric_of(runs, target, source, name, metric="area") for name in ARMS}
-        found += [compare(1, pair, f"{name} less scratch", arm[name], base, could) for name in ARMS]
-        for one, other in (("FE3", "FE3-random"), ("FTW", "FT4")):
-            found.append(compare(1, pair, f"{one} less {other}", arm[one], arm[other], could))
-    return found
+        areas = {name: metric_of(runs, target, source, name) for name in ARMS}
+        areas[SCRATCH.name] = base = metric_of(runs, target)
+        compared = [(name, SCRATCH.name) for name in ARMS] + [("FE3", "FE3-random"), ("FTW", "FT4")]
+        for one, other in compared:
+            words = f"{one} less {other}"
+            yield contrast(1, pair, words, areas[one], areas[other], float(1 - base.mean()))
 
 
-def frozen_last(runs: Runs) -> list[Contrast]:
+def frozen_last(runs: Runs) -> Iterator[Row]:
     """Question 2: does a foreign last layer cost the end?"""
-    found = []
     for pair, (source, target) in PAIRS.items():
-        foreign, own = (metric_of(runs, target, one, FROZEN, metric="end") for one in (source, target))
-        could = float(1 - scratch_of(runs, target, "end").mean())
-        found.append(
-            compare(2, pair, f"{FROZEN} of case {source} less that of {target}", foreign, own, could)
-        )
-    return found
+        foreign, own = (metric_of(runs, target, one, FROZEN, "end") for one in (source, target))
+        could = float(1 - metric_of(runs, target, metric="end").mean())
+        yield contrast(2, pair, f"{FROZEN} of case {source} less that of {target}", foreign, own, could)
 
 
-def from_traffic(runs: Runs) -> list[Contrast]:
+def from_traffic(runs: Runs) -> Iterator[Row]:
     """Question 3: is random traffic a source?"""
-    found = []
-    base = np.array([scratch_of(runs, target, "area").mean() for target in IMAZU])
-    could = float(1 - base.mean())
+    base = np.array([metric_of(runs, target).mean() for target in IMAZU])
     for arm in TRAFFIC_ARMS:
-        means = np.array([metric_of(runs, target, TRAFFIC, arm, metric="area").mean() for target in IMAZU])
-        found.append(compare(3, "imazu", f"{arm} less scratch", means - base, None, could))
-    return found
+        means = np.array([metric_of(runs, target, TRAFFIC, arm).mean() for target in IMAZU])
+        yield contrast(3, "imazu", f"{arm} less scratch", means - base, None, float(1 - base.mean()))
 
 
-def generalises(runs: Runs) -> list[Contrast]:
+def generalises(runs: Runs) -> Iterator[Row]:
     """Question 4: does a network reach the goal from drawn starts more often than its own actions?
 
     On a pair, runs are the sample; of the problems, their means.
     """
-    found = []
+
+    def gained(target: str, source: str, arm: str) -> Sample:
+        place = target, "" if arm == SCRATCH.name else source, arm
+        return metric_of(runs, *place, "perturbed") - metric_of(runs, *place, "replayed")
+
     for arm in (SCRATCH.name, *TUNED_ARMS):
         for pair, (source, target) in PAIRS.items():
-            gained = beyond_replay(runs, target, source, arm)
-            found.append(compare(4, pair, f"{arm} {AGAINST_REPLAY}", gained))
+            yield contrast(4, pair, f"{arm} {AGAINST_REPLAY}", gained(target, source, arm))
         if is_asked(runs, 3):
-            means = [beyond_replay(runs, target, TRAFFIC, arm).mean() for target in IMAZU]
-            found.append(compare(4, "imazu", f"{arm} {AGAINST_REPLAY}", np.array(means)))
-    return found
+            means = [gained(target, TRAFFIC, arm).mean() for target in IMAZU]
+            yield contrast(4, "imazu", f"{arm} {AGAINST_REPLAY}", np.array(means))
 
 
-def beyond_replay(runs: Runs, target: str, source: str, arm: str) -> Sample:
-    """Return each run's success from drawn starts, less that of a replay of its actions."""
-    source = "" if arm == SCRATCH.name else source
-    own, replayed = (metric_of(runs, target, source, arm, metric=name) for name in ("perturbed", "replayed"))
-    return own - replayed
-
-
-def tuned(runs: Runs) -> list[Contrast]:
+def tuned(runs: Runs) -> Iterator[Row]:
     """Question 6: was the learner tuned for scratch? Each arm has the best learner of its even seeds."""
-    found = []
     for pair, (source, target) in PAIRS.items():
-        best = {
-            arm: choose_on_even_seeds(runs, target, "" if arm == SCRATCH.name else source, arm)
-            for arm in (SCRATCH.name, *TUNED_ARMS)
-        }
-        learner, base = best[SCRATCH.name]
+        learner, base = choose_on_even_seeds(runs, target, "", SCRATCH.name)
         for arm in TUNED_ARMS:
-            words = f"{arm} ({learner_label(best[arm][0])}) less scratch ({learner_label(learner)})"
-            found.append(compare(6, pair, words, best[arm][1], base, float(1 - base.mean())))
-    return found
+            best, areas = choose_on_even_seeds(runs, target, source, arm)
+            words = f"{arm} ({learner_label(best)}) less scratch ({learner_label(learner)})"
+            yield contrast(6, pair, words, areas, base, float(1 - base.mean()))
 
 
 def choose_on_even_seeds(runs: Runs, target: str, source: str, arm: str) -> tuple[str, Sample]:
@@ -191,44 +139,25 @@ def learner_label(learner: str) -> str:
     return ", ".join(word.split("=")[1] for word in learner.split()) or "the study's"
 
 
-QUESTIONS: dict[int, Callable[[Runs], list[Contrast]]] = {
-    1: transferred,
-    2: frozen_last,
-    3: from_traffic,
-    4: generalises,
-    6: tuned,
-}
-
-
-def judge(contrasts: Sequence[Contrast]) -> list[Contrast]:
-    """Adjust the p-values of a question by Holm's method, and say what each contrast says."""
-    adjusted = zip(
-        contrasts,
-        holm([one.p for one in contrasts]),
-        holm([one.p_equal for one in contrasts]),
-        strict=True,
-    )
-    found = []
-    for one, p, p_equal in adjusted:
-        verdict = OPEN
-        if p <= LEVEL:
-            verdict = MORE if one.value > 0 else LESS
-        elif p_equal <= LEVEL:
-            verdict = EQUAL
-        found.append(replace(one, p=p, p_equal=p_equal, verdict=verdict))
-    return found
-
-
-def answers(runs: Runs) -> list[Contrast]:
-    """Judge the questions whose runs are there."""
-    found: list[Contrast] = []
-    for number, ask in QUESTIONS.items():
-        if is_asked(runs, number):
-            found += judge(ask(runs))
-    return found
+QUESTIONS = {1: transferred, 2: frozen_last, 3: from_traffic, 4: generalises, 6: tuned}
 
 
 def is_asked(runs: Runs, question: int) -> bool:
     """Return whether the runs of a question were made."""
     needs = {3: lambda place: place[1] == TRAFFIC, 6: lambda place: bool(place[3])}
     return question not in needs or any(map(needs[question], runs))
+
+
+def answers(runs: Runs) -> pd.DataFrame:
+    """Judge the questions whose runs are there: a row of each `contrast`, with its `verdict`."""
+    asked = [ask for number, ask in QUESTIONS.items() if is_asked(runs, number)]
+    return judge(pd.DataFrame([row for ask in asked for row in ask(runs)]))
+
+
+def judge(found: pd.DataFrame) -> pd.DataFrame:
+    """Adjust the p-values within each question by Holm's method, and add what each contrast says."""
+    for name in ("p", "p_equal"):
+        found[name] = found.groupby("question")[name].transform(lambda one: pd.Series(holm(one), one.index))
+    sign = np.where(found["value"] > 0, MORE, LESS)
+    says = np.select([found["p"] <= LEVEL, found["p_equal"] <= LEVEL], [sign, EQUAL], OPEN)
+    return found.assign(verdict=says)

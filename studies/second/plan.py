@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from collections.abc import Iterator
+from dataclasses import dataclass
 from pathlib import Path
 
 from ship_trl.config.arm import SCRATCH
-from studies.runs import Task
-from studies.sources.plan import IMAZU
-from studies.sources.plan import SETTINGS as SOURCE_SETTINGS
+from ship_trl.study.lockstep import Task
+from studies.sources.plan import IMAZU, SETTINGS
 
 FOLDER = Path("outputs/questions")
 # Source and target of each pair, the least similar last.
@@ -27,11 +27,6 @@ LEARNERS = tuple(
 TUNED_ARMS = ("FTW", "FE3")
 # Seeds that nothing was chosen on; sources have others than the runs that use them.
 FIRST_SEED, FIRST_SOURCE = 1000, 2000
-SETTINGS = {
-    # Cases and arms are those of the questions.
-    name: replace(setting, cases=(), arms=(), seeds=0)
-    for name, setting in SOURCE_SETTINGS.items()
-}
 
 
 @dataclass(frozen=True)
@@ -47,10 +42,29 @@ class Sizes:
 SIZES = {"numbers": Sizes(), "pixels": Sizes(scratch=30, arm=20, problem=0, tuned=0)}
 
 
-def plan_tasks(sizes: Sizes) -> list[Task]:
-    """List all runs, sources first."""
-    cases = dict.fromkeys(case for pair in PAIRS.values() for case in pair)
-    tasks = [Task(case, "", SCRATCH.name, FIRST_SOURCE + k, True) for k in range(sizes.arm) for case in cases]
+def plan_tasks(name: str) -> list[Task]:
+    """List all runs of a setting, sources first."""
+    setting, sizes = SETTINGS[name], SIZES[name]
+
+    def scratch(target: str, count: int, learner: str = "") -> Iterator[Task]:
+        for k in range(count):
+            yield Task(target, "", SCRATCH.name, FIRST_SEED + k, setting.target_length, learner)
+
+    def transfers(
+        target: str, source: str, arms: tuple[str, ...], count: int, sources: int = 0, learner: str = ""
+    ) -> Iterator[Task]:
+        """Yield transfers; run k has source k, or source k modulo their number."""
+        for arm in arms:
+            for k in range(count):
+                source_seed = FIRST_SOURCE + k % (sources or count)
+                task = target, source, arm, FIRST_SEED + k, setting.target_length
+                yield Task(*task, learner, source_seed)
+
+    tasks = [
+        Task(case, "", SCRATCH.name, FIRST_SOURCE + k, setting.source_length, is_source=True)
+        for k in range(sizes.arm)
+        for case in dict.fromkeys(case for pair in PAIRS.values() for case in pair)
+    ]
     for source, target in PAIRS.values():
         tasks += scratch(target, sizes.scratch)
         tasks += transfers(target, source, (*ARMS, FROZEN), sizes.arm)
@@ -60,23 +74,6 @@ def plan_tasks(sizes: Sizes) -> list[Task]:
         tasks += transfers(target, TRAFFIC, TRAFFIC_ARMS, sizes.problem, TRAFFIC_SEEDS)
     for learner in LEARNERS if sizes.tuned else ():
         for source, target in PAIRS.values():
-            tasks += [replace(task, learner=learner) for task in scratch(target, sizes.tuned)]
-            tuned = transfers(target, source, TUNED_ARMS, sizes.tuned)
-            tasks += [replace(task, learner=learner) for task in tuned]
+            tasks += scratch(target, sizes.tuned, learner)
+            tasks += transfers(target, source, TUNED_ARMS, sizes.tuned, learner=learner)
     return tasks
-
-
-def scratch(target: str, count: int) -> list[Task]:
-    """List runs from scratch."""
-    return [Task(target, "", SCRATCH.name, FIRST_SEED + k) for k in range(count)]
-
-
-def transfers(
-    target: str, source: str, arms: tuple[str, ...], count: int, sources: int | None = None
-) -> list[Task]:
-    """List transfers; run k has source k, or source k modulo their number."""
-    return [
-        Task(target, source, arm, FIRST_SEED + k, source_seed=FIRST_SOURCE + k % (sources or count))
-        for arm in arms
-        for k in range(count)
-    ]

@@ -6,6 +6,7 @@ import shutil
 import subprocess
 import sys
 import time
+from collections.abc import Sequence
 from functools import cache
 from pathlib import Path
 
@@ -15,16 +16,15 @@ from tensordict import TensorDict
 from torch import Generator, Tensor
 
 from ship_trl.config.errors import ConfigError
-from ship_trl.config.types import World
 from ship_trl.fast.worlds import make_env, make_step
 from ship_trl.files.disk import atomic_write
 from ship_trl.learn.lockstep import Lockstep, roll_out
 from ship_trl.policies.named import load_policy
+from ship_trl.run.lockstep import PLACES, learn, starts
 from ship_trl.sim.cases import load_case, load_suite, load_world, suite_of
 from ship_trl.sim.starts import Starts
 from ship_trl.sim.state import initial_state, state_size
-from studies.lockstep import PLACES, learn, starts
-from studies.runs import Row, Setting, Task, make_row, weights_path
+from ship_trl.study.lockstep import EVALUATIONS, Row, Task, make_row, paths_to_keep, weights_path
 from studies.second.plan import FIRST_SOURCE, IMAZU, TRAFFIC, TRAFFIC_SEEDS
 
 # Drawn starts of a target, the same for all runs.
@@ -33,81 +33,72 @@ STARTS, STARTS_SEED = 50, 2022
 AT_ONCE = 100
 
 
-def train(tasks: list[Task], setting: Setting, folder: Path, device: str = "cpu") -> list[Row]:
+def train(tasks: list[Task], overrides: Sequence[str], folder: Path, device: str = "cpu") -> list[Row]:
     """Train runs of one length and one learner at once, and test their last networks elsewhere.
 
     `perturbed`, `replayed` and `traffic` are shares of episodes that reach the goal: from drawn starts of the
     target; from the same starts, with the actions of the greedy episode from the undisturbed one; and in
-    `traffic_test`.
+    `traffic_test`. Those of sources are not tested, and 0.
     """
     began = time.process_time()
-    runs = [task.plan(setting, folder) for task in tasks]
-    agents, greedy, reached = learn(tasks, runs, setting, folder, device=device)
-    world = runs[0].config.world
-    homes = starts(runs, [task.target for task in tasks])[:, None].to(device)
-    drawn = torch.stack([drawn_starts(task.target, STARTS) for task in tasks]).to(device)
-    # Sources are not tested: their shares are 0.
-    is_tested = not tasks[0].is_source
-    perturbed = agents.evaluate(drawn)[1] if is_tested else homes.new_zeros(len(tasks), 1)
-    replayed = replay_actions(agents, homes, drawn)[1] if is_tested else perturbed
-    traffic = reach_in_traffic(agents, world, device) if is_tested else perturbed
-    shares = [one.float().mean(1).tolist() for one in (perturbed, replayed, traffic)]
-    seconds = (time.process_time() - began) / len(tasks)
-    shown = [torch.cat(one, 1).tolist() for one in (greedy, reached)]
-    return [
-        make_row(task, setting, returns, goals, (), seconds)
-        | {
-            "learner": task.learner,
-            "perturbed": round(one, 4),
-            "replayed": round(other, 4),
-            "traffic": round(third, 4),
+    runs = [task.plan(overrides, folder) for task in tasks]
+    kept = paths_to_keep(tasks, folder)
+    agents, greedy, reached = learn(runs, tasks[0].length, EVALUATIONS, kept, device=device)
+    tested = dict.fromkeys(("perturbed", "replayed", "traffic"), torch.zeros(len(tasks), 1))
+    if not tasks[0].is_source:
+        homes = starts(runs, [task.target for task in tasks])[:, None].to(device)
+        drawn = torch.stack([drawn_starts(task.target) for task in tasks]).to(device)
+        scenes = traffic_starts().to(device).expand(len(tasks), -1, -1)
+        tested = {
+            "perturbed": agents.evaluate(drawn)[1],
+            "replayed": replay_actions(agents, homes, drawn),
+            "traffic": torch.cat([agents.evaluate(part)[1] for part in scenes.split(AT_ONCE, 1)], 1),
         }
-        for task, returns, goals, one, other, third in zip(tasks, *shown, *shares, strict=True)
+    shares = {name: one.float().mean(1).tolist() for name, one in tested.items()}
+    seconds = (time.process_time() - began) / len(tasks)
+    return [
+        make_row(task, greedy[k].tolist(), reached[k].tolist(), (), seconds)
+        | {"learner": task.learner, **{name: round(share[k], 4) for name, share in shares.items()}}
+        for k, task in enumerate(tasks)
     ]
 
 
-def replay_actions(agents: Lockstep, home: Tensor, begin: Tensor) -> tuple[Tensor, Tensor]:
+def replay_actions(agents: Lockstep, home: Tensor, begin: Tensor) -> Tensor:
     """Run episodes with the actions of each agent's greedy episode from `home[k]` [1, S].
 
-    After the last of these actions it is repeated. Agent k begins in the states `begin[k]` [M, S]. Return the
-    returns, float64 [K, M], and if the goal is reached, bool [K, M].
+    After the last of these actions it is repeated. Agent k begins in the states `begin[k]` [M, S]. Return
+    whether the goal is reached, bool [K, M].
     """
     _, _, actions = roll_out(agents.step, home, lambda state, _: agents.greedy_actions(state))
     again = lambda state, step: actions[min(step, len(actions) - 1)].expand(state.shape[:-1])  # noqa: E731
-    returns, reached, _ = roll_out(agents.step, begin, again)
-    return returns.cpu(), reached.cpu()
+    return roll_out(agents.step, begin, again)[1].cpu()
 
 
 @cache
-def drawn_starts(target: str, count: int) -> Tensor:
-    """Return drawn starts of a case, [count, S], by the bounds of its suite of perturbed starts."""
+def drawn_starts(target: str) -> Tensor:
+    """Return drawn starts of a case, [STARTS, S], by the bounds of its suite of perturbed starts."""
     world = load_world()
     bounds = load_suite("imazu_perturbed" if target in IMAZU else "paper_perturbed", world).perturbation
     suite = suite_of(load_case(target, world, "target"), bounds)
-    drawn = Starts(suite, world).sample(count, Generator().manual_seed(STARTS_SEED))
+    drawn = Starts(suite, world).sample(STARTS, Generator().manual_seed(STARTS_SEED))
     return F.pad(drawn, (0, state_size(PLACES) - drawn.shape[1]))
 
 
-def reach_in_traffic(agents: Lockstep, world: World, device: str) -> Tensor:
-    """Return which episodes of `traffic_test` reach the goal, bool [K, episodes]."""
-    begin = traffic_starts(world).to(device)
-    parts = begin.expand(len(agents.state), *begin.shape).split(AT_ONCE, 1)
-    return torch.cat([agents.evaluate(part)[1] for part in parts], 1)
-
-
-def traffic_starts(world: World) -> Tensor:
+def traffic_starts() -> Tensor:
     """Return the initial states of `traffic_test`, [episodes, S]."""
-    scenes = load_suite("traffic_test", world).cases
-    return torch.stack([initial_state(case, world, PLACES) for case in scenes])
+    world = load_world()
+    return torch.stack(
+        [initial_state(case, world, PLACES) for case in load_suite("traffic_test", world).cases]
+    )
 
 
-def learn_traffic(setting: Setting, folder: Path) -> None:
+def learn_traffic(overrides: Sequence[str], folder: Path) -> None:
     """Train the networks of random encounters that are missing, by the profile of such runs.
 
     Raises:
         ConfigError: a run failed; it has said why.
     """
-    network = [word for word in setting.overrides if word.startswith(("observation=", "network."))]
+    network = [word for word in overrides if word.startswith(("observation=", "network."))]
     for seed in range(FIRST_SOURCE, FIRST_SOURCE + TRAFFIC_SEEDS):
         output, kept = folder / "runs", weights_path(folder, TRAFFIC, seed)
         if kept.exists():
@@ -131,5 +122,5 @@ def policy_success(name: str, target: str | None) -> float:
         acted = policy(TensorDict({"state": flat}, batch_size=[len(flat)]))
         return acted["action"].view(state.shape[:2])
 
-    begin = traffic_starts(world) if target is None else drawn_starts(target, STARTS)
+    begin = traffic_starts() if target is None else drawn_starts(target)
     return float(roll_out(make_step(world), begin[None], choose)[1].float().mean())

@@ -8,38 +8,34 @@ plan and what was found.
 
 from __future__ import annotations
 
-import os
+from functools import partial
 
 from ship_trl.cli.errors import refusals
-from ship_trl.cli.parser import add_number, make_parser
+from ship_trl.cli.parser import add_number
 from ship_trl.config.bounds import Positive
-from studies.runs import add_run_options, make_missing
+from studies.command import make_parsers
 from studies.sources.plan import FOLDER, SETTINGS, plan_tasks
 
 
 def main(arguments: list[str] | None = None) -> None:
     """Make the runs, or measure, judge, and write tables and a picture."""
-    os.environ["MPLBACKEND"] = "agg"
-    parser = make_parser("", f"{__doc__}\nWrites:\n    {FOLDER}/SETTING*.csv, SETTING.png and weights")
-    parser.prog = "python -m studies.sources"
-    verbs = parser.add_subparsers(dest="verb", required=True, metavar="run|report")
-    add_run_options(verbs.add_parser("run"), SETTINGS)
-    report = verbs.add_parser("report")
+    parser, report = make_parsers("sources", __doc__, FOLDER, SETTINGS)
     report.add_argument("setting", choices=SETTINGS, help="what networks see")
     add_number(report, "--processes", Positive, 2, "that measure similarity at once (default 2)")
-    report.add_argument("--markdown", action="store_true", help="print Markdown tables")
     options = parser.parse_args(arguments)
+    # torch and pandas take seconds to import.
     with refusals():
         if options.verb == "report":
             from studies.sources.report import report as judge_and_write
 
             judge_and_write(options)
             return
-        # torch takes seconds to import.
+        from ship_trl.study.lockstep import make_missing
         from studies.sources.runs import train
 
-        setting = SETTINGS[options.setting]
-        make_missing(plan_tasks(setting), setting, FOLDER / options.setting, train, options)
+        setting, folder = SETTINGS[options.setting], FOLDER / options.setting
+        work = partial(train, overrides=setting.overrides)
+        make_missing(plan_tasks(setting), folder, work, options.processes, options.device)
 
 
 if __name__ == "__main__":

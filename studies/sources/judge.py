@@ -11,11 +11,10 @@ from collections.abc import Iterable, Mapping, Sequence
 import numpy as np
 import pandas as pd
 from numpy.typing import NDArray
-from scipy.stats import rankdata
 
 from ship_trl.config.arm import SCRATCH
+from ship_trl.study.lockstep import OUTCOMES
 from ship_trl.study.statistics import Estimate
-from studies.runs import OUTCOMES
 
 Floats = NDArray[np.float64]
 DRAWS, LEVEL, TOP = 2000, 95.0, 3
@@ -48,18 +47,10 @@ def make_gains(runs: pd.DataFrame, cases: Sequence[str]) -> dict[tuple[str, str]
     }
 
 
-def spearman(one: Floats, other: Floats) -> float:
-    """Compute the rank correlation over the pairs without NaN; 0 if one of them is constant."""
-    known = np.isfinite(one) & np.isfinite(other)
-    a, b = rankdata(one[known]), rankdata(other[known])
-    a, b = a - a.mean(), b - b.mean()
-    scale = float(np.sqrt((a @ a) * (b @ b)))
-    return float(a @ b) / scale if scale else 0.0
-
-
 def by_target(one: Floats, other: Floats) -> Floats:
-    """Return the rank correlation over sources within each target, [targets]."""
-    return np.array([spearman(a, b) for a, b in zip(one, other, strict=True)])
+    """Return the rank correlation over sources within each target, [targets]; 0 where one is constant."""
+    a, b = (pd.DataFrame(each).rank(axis=1) for each in (one, other))
+    return a.corrwith(b, axis=1).fillna(0.0).to_numpy()
 
 
 def reliability(gains: Floats) -> tuple[float, float]:
@@ -103,29 +94,22 @@ def regrets(values: Floats, gains: Floats) -> Floats:
 
 def hits(values: Floats, gains: Floats) -> Floats:
     """Return how much of the choice is among the `TOP` best by the mean of the seeds, [targets]."""
-    mean = gains.mean(0)
-    better = np.array([[np.nansum(row > gain) for gain in row] for row in mean])
-    found: Floats = (choice(values) * (better < TOP)).sum(1)
+    ranks = pd.DataFrame(gains.mean(0)).rank(axis=1, method="min", ascending=False)
+    found: Floats = (choice(values) * (ranks <= TOP).to_numpy()).sum(1)
     return found
 
 
 def elsewhere(gains: Floats) -> Floats:
     """Return the mean gain of each source on all other targets, [targets, sources]."""
     mean = gains.mean(0)
-    known = np.isfinite(mean)
-    total, count = np.where(known, mean, 0.0).sum(0), known.sum(0)
-    left = (total - np.where(known, mean, 0.0)) / (count - known)
-    return np.where(known, left, np.nan)
+    found: Floats = (np.nansum(mean, axis=0) - mean) / (np.isfinite(mean).sum(0) - 1)
+    return found
 
 
 def shares(values: Floats) -> Floats:
     """Return ranks within each target, from 0 to 1."""
-    known = np.isfinite(values)
-    found = np.full(values.shape, np.nan)
-    for row, valid in enumerate(known):
-        ranks = rankdata(values[row, valid])
-        found[row, valid] = (ranks - 1) / max(1, len(ranks) - 1)
-    return found
+    ranks = pd.DataFrame(values).rank(axis=1) - 1
+    return ranks.div(np.maximum(1, np.isfinite(values).sum(1) - 1), axis=0).to_numpy()
 
 
 def regression(measures: Mapping[str, Floats], gains: Floats) -> Floats:

@@ -6,27 +6,100 @@ Oracles ask the network of the target too: they explain gains, and do not predic
 from __future__ import annotations
 
 from collections import Counter
+from dataclasses import dataclass
+from functools import cached_property
 
-import numpy as np
 import torch
-from torch import Tensor
+from tensordict import TensorDict, TensorDictBase
+from torch import Generator, Tensor
 
+from ship_trl.config.types import World
 from ship_trl.explain.encoding import cka, gram
+from ship_trl.fast.worlds import make_env
 from ship_trl.learn.network import DuelingNetwork
-from ship_trl.learn.rollout import Episode
+from ship_trl.learn.rollout import Episode, greedy_policy, rollout
 from ship_trl.policies import reference as of_networks
+from ship_trl.policies.named import load_policy
+from ship_trl.sim.cases import Case, suite_of
+from ship_trl.sim.env import ShipEnv
 from ship_trl.sim.geometry import wrap_angle
 from ship_trl.sim.state import HEADING, position
 from ship_trl.transfer import similarity as of_cases
 from ship_trl.transfer.similarity import Measure
 from studies.sources.judge import ORACLE
-from studies.sources.known import Known
 from studies.sources.logme import logme
 
+# Episodes of the planner, and the share of random actions in them.
+EPISODES, EXPLORATION = 32, 0.3
 # Side of a cell in metres, and headings of a circle.
 CELL, HEADINGS = 50.0, 8
 # For the gradients' loss, as in profile quick.
 GAMMA, REWARD_SCALE = 0.95, 0.1
+
+
+@dataclass(frozen=True)
+class Known:
+    """A case, and a network that was trained on it; what measures ask is computed once."""
+
+    case: Case
+    world: World
+    network: DuelingNetwork
+
+    @cached_property
+    def env(self) -> ShipEnv:
+        """The case alone."""
+        return make_env(suite_of(self.case), self.world)
+
+    def observe(self, network: DuelingNetwork, states: str = "state") -> Tensor:
+        """Return what a network sees in the probe's states, or in those that follow, [N, ...]."""
+        return self.env.observer(network.config, network.colour)(self.probe[states])
+
+    @cached_property
+    def probe(self) -> TensorDict:
+        """Transitions of the planner (velocity obstacles), with random actions among its own, [N].
+
+        Keys: `state` and `next_state` [N, S], `action`, `reward`, `terminated`, and `planned`, the planner's
+        action in the state.
+        """
+        env = make_env(suite_of(self.case), self.world, EPISODES)
+        generator, planner = Generator().manual_seed(0), load_policy("vo", env)
+        chosen: list[Tensor] = []
+
+        def explore(step: TensorDictBase) -> TensorDictBase:
+            best = planner(step).get("action").clone()
+            chosen.append(best)
+            drawn = torch.randint(len(self.world.actions), best.shape, generator=generator)
+            is_random = torch.rand(len(best), generator=generator) < EXPLORATION
+            return step.set("action", torch.where(is_random, drawn, best))
+
+        found = rollout(env, explore)
+        planned = torch.stack(chosen)
+        parts = []
+        for row, one in enumerate(found):
+            is_last = torch.arange(one.length) == one.length - 1
+            values = {"state": one.states[:-1], "next_state": one.states[1:]}
+            values |= {"action": one.actions, "reward": one.rewards, "planned": planned[: one.length, row]}
+            values["terminated"] = is_last & (one.goal or one.collision)
+            parts.append(TensorDict(values, [one.length]))
+        return TensorDict.cat(parts)
+
+    @cached_property
+    def bounds(self) -> tuple[float, float]:
+        """The mean return of random actions, and the best known return."""
+        return of_networks.score_bounds(self.case, self.world)
+
+    @cached_property
+    def own_episode(self) -> Episode:
+        """The greedy episode of the network."""
+        see = self.env.observer(self.network.config, self.network.colour)
+        (episode,) = rollout(self.env, greedy_policy(self.network, see))
+        return episode
+
+    @cached_property
+    def planned_episode(self) -> Episode:
+        """The episode of the best known plan."""
+        (episode,) = rollout(self.env, of_networks.follow_best_known(self.env))
+        return episode
 
 
 def from_cases(measure: Measure) -> Measure:
@@ -50,47 +123,46 @@ def visits(source: Known, target: Known) -> float:
     start, with an eighth of the headings.
     """
     one, other = cells(source.own_episode), cells(target.planned_episode)
-    return sum(min(share, other[cell]) for cell, share in one.items())
+    return sum(min(count / one.total(), other[cell] / other.total()) for cell, count in one.items())
 
 
 def cells(episode: Episode) -> Counter[tuple[int, ...]]:
-    """Return the share of an episode's steps in each cell."""
+    """Return how many of an episode's steps are in each cell."""
     states = episode.states[:-1]
     place = torch.div(position(states) - position(states[:1]), CELL, rounding_mode="floor")
     turn = torch.div(wrap_angle(states[:, HEADING]) * HEADINGS, 2 * torch.pi).round() % HEADINGS
-    rows = torch.cat((place, turn[:, None]), 1).int().tolist()
-    found: Counter[tuple[int, ...]] = Counter()
-    for row in rows:
-        found[tuple(row)] += 1 / len(rows)  # type: ignore[assignment]
+    return Counter(map(tuple, torch.cat((place, turn[:, None]), 1).int().tolist()))
+
+
+@torch.no_grad()
+def q_values(one: Known, at: Known) -> Tensor:
+    """Return the Q-values of a network in the states of a case, [N, A]."""
+    found: Tensor = one.network(at.observe(one.network))
     return found
 
 
-@torch.no_grad()
 def agreement(source: Known, target: Known) -> float:
     """Return the share of the target's states in which the source's network does what the planner does."""
-    chosen = source.network(target.observe(source.network)).argmax(-1)
-    return float((chosen == target.probe.planned).float().mean())
+    return float((q_values(source, target).argmax(-1) == target.probe["planned"]).float().mean())
 
 
 @torch.no_grad()
-def last_features(network: DuelingNetwork, at: Known) -> Tensor:
+def last_features(one: Known, at: Known) -> Tensor:
     """Return a network's last hidden features in the states of a case, [N, H]."""
-    return network.activations(at.observe(network))["shared"].float()
+    return one.network.activations(at.observe(one.network))["shared"].float()
 
 
 def logme_of_actions(source: Known, target: Known) -> float:
     """Return LogME of the source's last features for the planner's actions in the target."""
-    features = last_features(source.network, target).double().numpy()
-    return logme(features, target.probe.planned.numpy())
+    return logme(last_features(source, target).double().numpy(), target.probe["planned"].numpy())
 
 
 def gradient_of(network: DuelingNetwork, at: Known) -> Tensor:
     """Return the gradient of half the squared TD error on the transitions of a case, all weights in a row."""
-    probe, see = at.probe, at.observer(network)
     with torch.no_grad():
-        following = network(see(probe.next_states)).amax(-1)
-        td_target = REWARD_SCALE * probe.rewards + GAMMA * following * ~probe.terminated
-    q = network(see(probe.states)).gather(-1, probe.actions[:, None]).squeeze(-1)
+        following = network(at.observe(network, "next_state")).amax(-1)
+        td_target = REWARD_SCALE * at.probe["reward"] + GAMMA * following * ~at.probe["terminated"]
+    q = network(at.observe(network)).gather(-1, at.probe["action"][:, None]).squeeze(-1)
     loss = 0.5 * (td_target - q).square().mean()
     return torch.cat([part.flatten() for part in torch.autograd.grad(loss, list(network.parameters()))])
 
@@ -104,26 +176,18 @@ def gradient(source: Known, target: Known) -> float:
 
 def cka_of_features(source: Known, target: Known) -> float:
     """Return CKA of the last features of both networks in the target's states."""
-    return cka(*(gram(last_features(known.network, target)) for known in (source, target)))
-
-
-@torch.no_grad()
-def q_pair(source: Known, target: Known) -> tuple[Tensor, Tensor]:
-    """Return the Q-values of both networks in the target's states, [N, A] each."""
-    first, second = (known.network(target.observe(known.network)) for known in (source, target))
-    return first, second
+    return cka(*(gram(last_features(known, target)) for known in (source, target)))
 
 
 def q_distance(source: Known, target: Known) -> float:
     """Return the mean distance of the Q-values, in scaled rewards (Carroll and Seppi, 2005)."""
-    first, second = q_pair(source, target)
-    return float((first - second).abs().mean())
+    return float((q_values(source, target) - q_values(target, target)).abs().mean())
 
 
 def policy_agreement(source: Known, target: Known) -> float:
     """Return the share of the target's states where both networks do the same (Carroll and Seppi, 2005)."""
-    first, second = q_pair(source, target)
-    return float(np.mean((first.argmax(-1) == second.argmax(-1)).numpy()))
+    first, second = (q_values(known, target).argmax(-1) for known in (source, target))
+    return float((first == second).double().mean())
 
 
 ORACLES = {

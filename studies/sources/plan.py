@@ -2,14 +2,33 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+from dataclasses import dataclass
 from pathlib import Path
 
 from ship_trl.config.arm import SCRATCH
-from studies.runs import Setting, Task
+from ship_trl.study.lockstep import Task
 
 FOLDER = Path("outputs/sources")
+# Target and source of runs; no source from scratch.
+Pairs = Sequence[tuple[str, str]]
 PAPER = ("1", "2", "3", "4", "5", "6", "new")
 IMAZU = tuple(f"imazu{number:02}" for number in range(1, 23))
+
+
+@dataclass(frozen=True)
+class Setting:
+    """What is trained: cases, arms, and how long in environment steps; `scratch_seeds` of the baselines."""
+
+    overrides: tuple[str, ...]
+    cases: tuple[str, ...]
+    arms: tuple[str, ...]
+    source_length: int
+    target_length: int
+    seeds: int
+    scratch_seeds: int = 10
+
+
 SETTINGS = {
     # Small, so that all runs of a target are trained at once, in seconds of a core each.
     "numbers": Setting(
@@ -38,10 +57,20 @@ SETTINGS = {
 
 def plan_tasks(setting: Setting) -> list[Task]:
     """List all runs: sources, baselines, then transfers, a seed after the other."""
-    cases, seeds = setting.cases, range(setting.seeds)
-    tasks = [Task(case, "", SCRATCH.name, seed, True) for seed in seeds for case in cases]
-    tasks += [Task(case, "", SCRATCH.name, seed) for seed in range(setting.scratch_seeds) for case in cases]
-    pairs = [(source, target) for target in cases for source in cases if source != target]
-    return tasks + [
-        Task(target, source, arm, seed) for seed in seeds for source, target in pairs for arm in setting.arms
+
+    def runs(pairs: Pairs, arms: Sequence[str], seeds: int, length: int, *, are_sources: bool) -> list[Task]:
+        return [
+            Task(*pair, arm, seed, length, is_source=are_sources)
+            for seed in range(seeds)
+            for pair in pairs
+            for arm in arms
+        ]
+
+    cases, length, scratch = setting.cases, setting.target_length, (SCRATCH.name,)
+    alone = [(case, "") for case in cases]
+    pairs = [(target, source) for target in cases for source in cases if source != target]
+    return [
+        *runs(alone, scratch, setting.seeds, setting.source_length, are_sources=True),
+        *runs(alone, scratch, setting.scratch_seeds, length, are_sources=False),
+        *runs(pairs, setting.arms, setting.seeds, length, are_sources=False),
     ]

@@ -11,7 +11,7 @@ import time
 from argparse import Namespace
 from collections.abc import Mapping, Sequence
 from concurrent.futures import ProcessPoolExecutor
-from functools import cache
+from functools import cache, partial
 from multiprocessing import get_context
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -21,14 +21,15 @@ import pandas as pd
 
 from ship_trl.config.errors import ConfigError
 from ship_trl.run.console import show
+from ship_trl.run.process import configure_process
+from ship_trl.study.lockstep import OUTCOMES, read_runs, weights_path
 from ship_trl.study.report.tables import write_csv
 from ship_trl.study.statistics import Estimate
-from studies.runs import OUTCOMES, prepare, read_runs, weights_path
 from studies.sources import judge
-from studies.sources.plan import FOLDER, SETTINGS, plan_tasks
+from studies.sources.plan import FOLDER, SETTINGS, Setting, plan_tasks
 
 if TYPE_CHECKING:
-    from studies.sources.known import Known
+    from studies.sources.measures import Known
 
 # What the paper says: equation 8.
 PAPER = "similarity"
@@ -42,13 +43,18 @@ Gains = Mapping[tuple[str, str], Floats]
 def report(options: Namespace) -> None:
     """Judge all measures on all arms; print, and write tables and a picture."""
     folder, setting = FOLDER / options.setting, SETTINGS[options.setting]
-    wanted = (task.key(setting) for task in plan_tasks(setting))
-    runs = read_runs(folder, wanted, f"python -m studies.sources run {folder.name}")
+    runs = read_runs(folder, plan_tasks(setting), f"python -m studies.sources run {folder.name}")
     gains = judge.make_gains(runs, setting.cases)
     areas = {arm: one for (arm, kind), one in gains.items() if kind == "area"}
     table = folder.with_name(f"{folder.name}_measures.csv")
     if not table.is_file():
-        write_csv(table, measure_all(setting.cases, setting.seeds, folder, options.processes))
+        # A row for each pair and seed.
+        jobs = zip(*((case, seed) for seed in range(setting.seeds) for case in setting.cases), strict=True)
+        with ProcessPoolExecutor(
+            options.processes, get_context("spawn"), initializer=configure_process
+        ) as pool:
+            made = pool.map(partial(measure, setting, folder), *jobs)
+            write_csv(table, [row for rows in made for row in rows])
     values, seconds = read_measures(table, setting.cases, setting.seeds)
     judged = {arm: one for arm, one in areas.items() if judge.reliability(one)[0] > judge.MIN_RELIABILITY}
     show_arms(gains, areas, options.markdown)
@@ -63,8 +69,8 @@ def report(options: Namespace) -> None:
     best = judge.winner(judgements)
     apart = judge.difference(values[best["measure"]], values[PAPER], judged.values())
     sys.stdout.write(
-        f"the winner is {best['measure']}: mean correlation above that of equation 8 by {interval(apart, 2)};"
-        f" its first sources gain most with {best['arm']}, {interval(estimate(best, 'gain'))}\n"
+        f"the winner is {best['measure']}: mean correlation above that of equation 8 by {apart.words('+')};"
+        f" its first sources gain most with {best['arm']}, {estimate(best, 'gain').words('+', 3)}\n"
     )
     written = folder.with_name(f"{folder.name}_judgements.csv")
     write_csv(written, judgements.to_dict("records"))
@@ -73,19 +79,12 @@ def report(options: Namespace) -> None:
     sys.stdout.write("".join(f"{path}\n" for path in (table, written, picture)))
 
 
-def measure_all(cases: tuple[str, ...], seeds: int, folder: Path, processes: int) -> list[dict[str, Any]]:
-    """Measure the similarity of each source to each target, a row for each pair and seed."""
-    jobs = [(cases, target, seed, folder) for seed in range(seeds) for target in cases]
-    with ProcessPoolExecutor(processes, get_context("spawn"), initializer=prepare) as pool:
-        return [row for rows in pool.map(measure, *zip(*jobs, strict=True)) for row in rows]
-
-
-def measure(cases: tuple[str, ...], target: str, seed: int, folder: Path) -> list[dict[str, Any]]:
+def measure(setting: Setting, folder: Path, target: str, seed: int) -> list[dict[str, Any]]:
     """Measure the similarity of all sources to a target; `NAME seconds` is the processor time of each."""
     from studies.sources.measures import MEASURES
 
     rows = []
-    for source in cases:
+    for source in setting.cases:
         if source == target:
             continue
         row: dict[str, Any] = {"target": target, "source": source, "seed": seed}
@@ -103,11 +102,15 @@ def measure(cases: tuple[str, ...], target: str, seed: int, folder: Path) -> lis
 @cache
 def known(folder: Path, case: str, seed: int) -> Known:
     """Read a source's network, once a process."""
-    from ship_trl.sim.cases import load_case, load_world
-    from studies.sources.known import Known
+    from ship_trl.fast.worlds import make_env
+    from ship_trl.policies.named import load_network
+    from ship_trl.sim.cases import load_case, load_world, suite_of
+    from studies.sources.measures import Known
 
     world = load_world()
-    return Known.load(load_case(case, world, "source"), world, weights_path(folder, case, seed))
+    own = load_case(case, world, "source")
+    path = weights_path(folder, case, seed)
+    return Known(own, world, load_network(path, make_env(suite_of(own), world), "source_file"))
 
 
 def read_measures(
@@ -120,25 +123,22 @@ def read_measures(
     """
     from studies.sources.measures import MEASURES
 
-    places, pairs = ["target", "source", "seed"], len(cases) * (len(cases) - 1)
+    places = ["target", "source", "seed"]
     wanted = {(t, s, str(seed)) for t in cases for s in cases if s != t for seed in range(seeds)}
     try:
         table = pd.read_csv(path, dtype=dict.fromkeys(places, str))
-        is_whole = sorted(table[places].itertuples(index=False, name=None)) == sorted(wanted)
-        numbers = {name: table[name].to_numpy(np.float64) for name in MEASURES}
-        seconds = {name: float(table[f"{name} seconds"].mean()) for name in MEASURES}
+        found = list(table[places].itertuples(index=False, name=None))
+        numbers = table[[*MEASURES, *(f"{name} seconds" for name in MEASURES)]].astype(float)
     except (KeyError, ValueError) as error:
         raise ConfigError(f"sources: {path} is no table of measures: {error}") from None
-    if not is_whole:
+    if sorted(found) != sorted(wanted):
         raise ConfigError(f"sources: {path} does not fit the runs; delete it to measure again")
-    at = tuple(pd.Index(cases).get_indexer(table[name]) for name in places[:2])
-    values = {}
-    for name, one in MEASURES.items():
-        total = np.zeros((len(cases), len(cases)))
-        np.fill_diagonal(total, np.nan)
-        np.add.at(total, at, numbers[name])
-        values[name] = (-1 if one.nearer else 1) * total * pairs / len(table)
-    return values, seconds
+    means = numbers.groupby([table["target"], table["source"]]).mean()
+    values = {
+        name: (-1 if one.nearer else 1) * means[name].unstack().loc[list(cases), list(cases)].to_numpy()
+        for name, one in MEASURES.items()
+    }
+    return values, {name: float(numbers[f"{name} seconds"].mean()) for name in MEASURES}
 
 
 def judge_all(
@@ -171,16 +171,10 @@ def show_arms(gains: Gains, areas: Mapping[str, Floats], markdown: bool) -> None
         share = float(np.mean(area.mean(0)[np.isfinite(area[0])] > 0))
         kept = float(np.nanmean(gains[arm, judge.KEPT]))
         cells = [f"{share:.0%}", f"{best:+.3f}", f"{kept:.2f}", f"{one:.2f}", f"{both:.2f}"]
-        rows.append([arm, *map(interval, means), *cells])
+        rows.append([arm, *(one.words("+", 3) for one in means), *cells])
     kinds = [f"gain: {kind}" for kind in OUTCOMES]
     last = ("pairs that gain", "of the best source", "kept", "reliability of a seed", "of the mean")
     show(("arm", *kinds, *last), rows, markdown)
-
-
-def interval(one: Estimate, digits: int = 3) -> str:
-    """Write a mean with its interval."""
-    value, low, high = (f"{number:+.{digits}f}" for number in (one.value, one.low, one.high))
-    return f"{value} ({low} to {high})"
 
 
 def estimate(row: Mapping[Any, float] | pd.Series, name: str) -> Estimate:
@@ -193,7 +187,7 @@ def show_judgements(judgements: pd.DataFrame, markdown: bool) -> None:
     rows = []
     for name, own in judgements.groupby("measure", sort=False):
         each = own.to_dict("records")
-        cells = [interval(estimate(one, "correlation"), 2) for one in each]
+        cells = [estimate(one, "correlation").words("+") for one in each]
         cells += [f"{one['regret']:.3f}" for one in each] + [f"{one['top']:.0%}" for one in each]
         rows.append([str(name), each[0]["kind"], *cells, f"{each[0]['seconds']:.3f}"])
     arms = judgements["arm"].unique()

@@ -42,7 +42,7 @@ def refused(folder: Path, table: str = LAYERS) -> str:
 
 
 def test_each_network_is_compared_with_its_source_and_scratch(measured: Path) -> None:
-    rows = read_layers(measured / LAYERS)
+    rows = list(read_layers(measured / LAYERS).itertuples(index=False))
     assert {row.layer for row in rows} == {"conv1", "conv2", "conv3", "conv4", "shared"}
     assert {(row.arm, row.beside) for row in rows} == {
         *(("FE2", beside) for beside in ("source", "scratch")),

@@ -6,7 +6,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from studies.runs import OUTCOMES, add_outcomes
+from ship_trl.study.lockstep import OUTCOMES, add_outcomes
 from studies.sources import judge
 from studies.sources.logme import evidence, logme
 
@@ -87,8 +87,8 @@ def test_a_regression_finds_the_measure_that_counts_and_a_difference_is_of_two()
 @given(st.lists(st.floats(-1e6, 1e6), min_size=2, max_size=20))
 def test_rank_correlation_is_1_with_itself_and_0_with_a_constant(values: list[float]) -> None:
     row = np.array(values)
-    assert judge.spearman(row, np.zeros(len(row))) == 0
-    assert judge.spearman(row, row) == pytest.approx(0 if len(set(values)) == 1 else 1)
+    assert judge.by_target(row[None], np.zeros((1, len(row)))) == 0
+    assert judge.by_target(row[None], row[None]) == pytest.approx(0 if len(set(values)) == 1 else 1)
 
 
 def test_gains_are_differences_of_scores_from_scratch() -> None:

@@ -7,7 +7,7 @@ from pathlib import Path
 import pytest
 
 from ship_trl.study.study import read_study
-from studies.second import power, report
+from studies.second import report
 from studies.second.__main__ import main
 from studies.second.plan import SETTINGS
 from tests.command import ROOT
@@ -55,7 +55,7 @@ def kept_block(name: str) -> str:
 def test_its_power_is_what_the_simulation_says(
     setting: str, block: str, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    monkeypatch.setattr(power, "FOLDER", ROOT / "outputs/sources")
+    monkeypatch.setattr(report, "SOURCES", ROOT / "outputs/sources")
     main(["report", setting, "--power", "--markdown"])
     assert kept_block(block) == capsys.readouterr().out.strip()
 

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from ship_trl.config.errors import ConfigError
-from ship_trl.study.ask import ask
+from ship_trl.study.compare import ask
 from ship_trl.study.metrics import METRICS
 from ship_trl.study.statistics import Estimate
 from ship_trl.study.study import Study, places_of, read_study

@@ -7,8 +7,7 @@ from pathlib import Path
 
 import pytest
 
-from ship_trl.study.claims import describe_rules, stamp
-from ship_trl.study.manifest import write_plan
+from ship_trl.study.manifest import describe_rules, stamp, write_plan
 from ship_trl.study.plan import plan_jobs, to_study
 from ship_trl.study.study import read_study
 

@@ -13,7 +13,7 @@ from ship_trl.files.curve import TRAINING
 from ship_trl.files.record import RunRecord, SourceReturns, read_whole
 from ship_trl.study import metrics
 from ship_trl.study.metrics import measure
-from tests.study.synthetic import make_record, returns_of, told, with_curve, write_run
+from tests.study.synthetic import make_record, returns_of, with_curve, write_run
 
 
 def record(tmp_path: Path, scores: list[float], before: float = 0.0, every: int = 1) -> RunRecord:
@@ -76,7 +76,7 @@ def test_total_time_counts_the_sources_episodes(tmp_path: Path) -> None:
     assert metrics.total_time(run) == pytest.approx(1 + metrics.time_to_threshold(run))
     reused = replace(run, part="reuse/epsilon_1", source="2")
     assert metrics.total_time(reused) == pytest.approx(2 + metrics.time_to_threshold(run))
-    for alone in (told(run, source=None), replace(run, arm="FE3-random")):
+    for alone in (replace(run, source=None), replace(run, arm="FE3-random")):
         assert metrics.total_time(alone) == metrics.time_to_threshold(run)
 
 

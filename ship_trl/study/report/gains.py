@@ -8,7 +8,6 @@ from textwrap import fill
 from typing import Any
 
 import numpy as np
-import pandas as pd
 from matplotlib.axes import Axes
 from matplotlib.cm import ScalarMappable
 from matplotlib.colors import Normalize
@@ -23,7 +22,7 @@ from ship_trl.study.report import style
 from ship_trl.study.report.curves import cases_of, pair_title
 from ship_trl.study.statistics import TOLERANCE, Estimate, interquartile_mean
 from ship_trl.study.study import Places, Study, pairs, places_of
-from ship_trl.study.tables import OTHER_SEED, SOURCE, UNTRAINED, Layer
+from ship_trl.study.tables import OTHER_SEED, SOURCE, UNTRAINED
 from ship_trl.view.style import Style
 
 MAP_ARMS = (*FE, *CONTROL_ARMS, *FT, WHOLE)
@@ -291,16 +290,15 @@ COMPARED = {
 
 def draw_layers(study: Study) -> Figure | None:
     """Draw a panel for each pair; None where no layers were measured."""
-    table = pd.DataFrame(study.layers, columns=Layer._fields)
-    known = [pair for pair in pairs(study) if pair in set(table["pair"])]
-    if not known:
+    table = study.layers
+    if table is None or table.empty:
         return None
-    layers = list(dict.fromkeys(table["layer"]))
+    known, layers = sorted(table["pair"].unique()), table["layer"].unique()
     figure = Figure((style.WIDTH, 2.5))
     axes, least = figure.subplots(1, max(3, len(known)), sharey=True), 0.0
     for axis, pair in zip(axes, known, strict=False):
-        for (arm, beside), (words, look) in COMPARED.items():
-            rows = table[(table["pair"] == pair) & (table["arm"] == arm) & (table["beside"] == beside)]
+        for compared, (words, look) in COMPARED.items():
+            rows = table[(table[["pair", "arm", "beside"]] == (pair, *compared)).all(axis=1)]
             # The seeds that have all layers: [S, L].
             by_seed = rows.pivot(index="seed", columns="layer", values="cka").reindex(columns=layers)
             curves = by_seed.dropna().to_numpy()

@@ -35,7 +35,7 @@ from ship_trl.study.plan import (
 )
 from ship_trl.study.statistics import LEVEL, Estimate, Sample, bootstrap, interquartile_mean, share_interval
 from ship_trl.study.study import Study
-from ship_trl.study.tables import read_groups
+from ship_trl.study.tables import LAYER_NAMES, read_groups
 from ship_trl.study.transfers import COLUMNS
 from ship_trl.transfer.similarity import ALPHA, BETA, describe_similarity, similarity
 
@@ -140,15 +140,13 @@ def transfer_rows(study: Study) -> list[Row]:
 
 def layer_rows(study: Study) -> list[Row]:
     """Return the CKA of each layer of each two networks: interquartile mean over seeds with its interval."""
-    found: dict[tuple[str, ...], list[float]] = defaultdict(list)
-    for one in study.layers:
-        found[one.pair, one.arm, one.beside, one.layer].append(one.cka)
-    return [
-        dict(zip(("pair", "arm", "beside", "layer"), names, strict=True))
-        | {"seeds": len(values)}
-        | estimate_cells("cka", estimate(values))
-        for names, values in sorted(found.items())
-    ]
+    if study.layers is None:
+        return []
+    rows = []
+    for values, own in study.layers.groupby([*LAYER_NAMES]):
+        row: Row = dict(zip(LAYER_NAMES, values, strict=True))
+        rows.append(row | {"seeds": len(own)} | estimate_cells("cka", estimate(own["cka"].to_list())))
+    return rows
 
 
 def similarity_rows(claims: Claims) -> list[Row]:

@@ -17,7 +17,8 @@ from matplotlib.figure import Figure
 from ship_trl.config.errors import ConfigError
 from ship_trl.files.disk import atomic_write
 from ship_trl.run.console import Show, show_share
-from ship_trl.study.claims import NO_CLAIMS, Claims, Verdicts, describe_rules
+from ship_trl.study.claims import NO_CLAIMS, Claims, Verdicts
+from ship_trl.study.manifest import describe_rules
 from ship_trl.study.metrics import LATER, THRESHOLDS
 from ship_trl.study.report import curves, gains, tables
 from ship_trl.study.report.style import REPORT, save

@@ -6,7 +6,7 @@ import pytest
 
 from ship_trl.study.claims import load_claims
 from ship_trl.study.metrics import METRICS
-from ship_trl.study.plan import FURTHER_SOURCES, OTHER_SOURCES, SOURCES, plan_jobs, to_study
+from ship_trl.study.plan import OTHER_SOURCES, SOURCES, plan_jobs, to_study
 from studies.paper.claims import ALL, HYPOTHESES, OURS
 from studies.paper.judge import Verdict, judge_all, measure
 from tests.study.synthetic import make_study, ranked
@@ -44,7 +44,7 @@ def ends(sign: float = 1.0) -> dict[tuple[str, str, str], float]:
     }
     places |= {
         (one, "new", "scratch"): 0.4,
-        **{(low, f"{case}-new", "FTW"): 0.6 for case in (*OTHER_SOURCES, *FURTHER_SOURCES)},
+        **{(low, f"{case}-new", "FTW"): 0.6 for case in OTHER_SOURCES},
     }
     found |= {place: 0.65 + sign * (score - 0.65) for place, score in places.items()}
     return found

@@ -49,7 +49,7 @@ def test_its_seeds_are_whole_and_of_the_plan() -> None:
     # Seeds are run one after another.
     assert list(kept) == sorted(planned)[: len(kept)]
     assert all(kept[seed] == planned[seed] for seed in kept)
-    assert {row.seed for row in read_layers(FOLDER / LAYERS)} <= kept.keys()
+    assert {*read_layers(FOLDER / LAYERS)["seed"]} <= kept.keys()
 
 
 def test_it_is_judged_by_the_rules_that_it_was_begun_with() -> None:

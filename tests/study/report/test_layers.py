@@ -4,25 +4,29 @@ import math
 from dataclasses import replace
 
 import numpy as np
+import pandas as pd
 import pytest
 
 from ship_trl.study.report.gains import draw_layers
 from ship_trl.study.report.tables import layer_rows
 from ship_trl.study.statistics import interquartile_mean
-from ship_trl.study.tables import OTHER_SEED, SCRATCH, UNTRAINED, Layer
+from ship_trl.study.tables import LAYER_TYPES, OTHER_SEED, SCRATCH, UNTRAINED
 from tests.study.synthetic import make_study
 
 NAMES = ("conv1", "conv2")
 ALIKE = np.linspace(0.8, 0.99, 8)
 STUDY = replace(
     make_study({("pairs", "high", "scratch"): 0.9}, seeds=8),
-    layers=[
-        Layer(seed, "high", SCRATCH, beside, name, cka - 0.1 * number)
-        for seed, cka in enumerate(ALIKE)
-        for number, name in enumerate(NAMES)
-        for beside in (UNTRAINED, OTHER_SEED)
-        if seed < 3 or beside == UNTRAINED
-    ],
+    layers=pd.DataFrame(
+        [
+            (seed, "high", SCRATCH, beside, name, cka - 0.1 * number)
+            for seed, cka in enumerate(ALIKE)
+            for number, name in enumerate(NAMES)
+            for beside in (UNTRAINED, OTHER_SEED)
+            if seed < 3 or beside == UNTRAINED
+        ],
+        columns=list(LAYER_TYPES),
+    ),
 )
 
 
@@ -40,5 +44,5 @@ def test_each_layer_of_each_two_networks_has_a_row() -> None:
 
 
 def test_what_was_not_measured_has_neither_rows_nor_a_figure() -> None:
-    bare = replace(STUDY, layers=[])
+    bare = replace(STUDY, layers=None)
     assert layer_rows(bare) == [] and draw_layers(bare) is None

@@ -1,14 +1,13 @@
-"""Train runs in lockstep: from plans to agents, their evaluations, and the networks that are kept."""
+"""Train planned runs in lockstep: their agents and evaluations, and the networks that are kept."""
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from pathlib import Path
 
 import torch
 from torch import Generator, Tensor
 
-from ship_trl.config.types import Config
 from ship_trl.fast.graphs import Captured
 from ship_trl.fast.worlds import make_rasteriser, make_step
 from ship_trl.learn.lockstep import Lockstep
@@ -22,71 +21,67 @@ from ship_trl.transfer.methods import make_method
 from ship_trl.transfer.methods.base import TransferMethod
 from ship_trl.transfer.methods.feature_extraction import FeatureExtraction
 from ship_trl.transfer.weights import save_weights
-from studies.runs import EVALUATIONS, Setting, Task, weights_path
 
 # Places for target ships; no case has more.
 PLACES = 3
 
 
 def learn(
-    tasks: list[Task],
-    runs: list[Run],
-    setting: Setting,
-    folder: Path,
+    runs: Sequence[Run],
+    length: int,
+    evaluations: int,
+    keep: Sequence[Path | None],
     visit: Callable[[Lockstep, int], None] = lambda *_: None,
     device: str = "cpu",
-) -> tuple[Lockstep, list[Tensor], list[Tensor]]:
-    """Train runs at once; return the agents, and greedy returns and goals [K, 1] of each evaluation.
+) -> tuple[Lockstep, Tensor, Tensor]:
+    """Train runs for `length` environment steps; return agents, greedy returns and goals, [K, E + 1] each.
 
-    `visit` is called after each. The best networks of sources are written into the folder.
+    There are `evaluations` at equal distances, and one before training; `visit` is called after each. The
+    network of a run's best evaluation is written to its path in `keep`, if it has one.
     """
-    begin = starts(runs, [task.target for task in tasks]).to(device)
-    length = tasks[0].length(setting)
+    begin = starts(runs, [str(run.config.target) for run in runs]).to(device)
     lockstep, networks = make_lockstep(runs, begin, length)
     greedy, reached = list[Tensor](), list[Tensor]()
-    best = torch.full((len(tasks), 1), -torch.inf, dtype=torch.float64)
-    for evaluation in range(EVALUATIONS + 1):
-        lockstep.train(evaluation * length // EVALUATIONS - lockstep.steps)
+    best = torch.full((len(runs), 1), -torch.inf, dtype=torch.float64)
+    for evaluation in range(evaluations + 1):
+        lockstep.train(evaluation * length // evaluations - lockstep.steps)
         returns, goals = lockstep.evaluate(begin[:, None])
         greedy.append(returns)
         reached.append(goals)
         visit(lockstep, evaluation)
         for agent in (returns >= best)[:, 0].nonzero().flatten().tolist():
-            if tasks[agent].is_source:
-                network, task = networks[agent], tasks[agent]
-                network.load_state_dict(lockstep.weights(agent))
-                save_weights(weights_path(folder, task.target, task.seed), network, {})
+            if (path := keep[agent]) is not None:
+                networks[agent].load_state_dict(lockstep.weights(agent))
+                save_weights(path, networks[agent], {})
         best = torch.maximum(best, returns)
-    return lockstep, greedy, reached
+    return lockstep, torch.cat(greedy, 1), torch.cat(reached, 1)
 
 
-def make_lockstep(runs: list[Run], begin: Tensor, length: int) -> tuple[Lockstep, list[DuelingNetwork]]:
+def make_lockstep(
+    runs: Sequence[Run], begin: Tensor, length: int
+) -> tuple[Lockstep, tuple[DuelingNetwork, ...]]:
     """Make agents that begin in states [K, S], and their initial networks."""
     config, device = runs[0].config, begin.device
     networks, frozen = zip(*map(start_network, runs), strict=True)
+    network, world = config.network, config.world
     lockstep = Lockstep(
         networks,
         frozen,
         begin,
-        make_step(config.world, device),
-        make_observe(config, device),
+        make_step(world, device),
+        VectorObservation(world, network.ships)
+        if network.linear
+        else make_rasteriser(world, vector_time=network.vector_time, device=device),
         config.learn,
         config.algorithm.get("steps", 1),
         length,
         *([Generator().manual_seed(run.stream(name)) for run in runs] for name in ("exploration", "replay")),
         capture=Captured if device.type == "cuda" else None,
     )
-    return lockstep, list(networks)
+    return lockstep, networks
 
 
-def make_observe(config: Config, device: torch.device) -> Callable[[Tensor], Tensor]:
-    """Make what a network sees of states."""
-    if config.network.linear:
-        return VectorObservation(config.world, config.network.ships)
-    return make_rasteriser(config.world, vector_time=config.network.vector_time, device=device)
-
-
-def starts(runs: list[Run], cases: list[str]) -> Tensor:
+def starts(runs: Sequence[Run], cases: Sequence[str]) -> Tensor:
     """Return the initial state of a case for each run, [K, S]."""
     worlds = [run.config.world for run in runs]
     states = [

@@ -1,101 +1,80 @@
-"""Runs that are trained many at once: what one is, the table of all, and making those that it lacks."""
+"""Studies whose runs learn in lockstep: what a run is, the table of all, and making those that it lacks."""
 
 from __future__ import annotations
 
 import lzma
 import sys
 import tempfile
-from argparse import Namespace
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Sequence
 from concurrent.futures import ProcessPoolExecutor, as_completed
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from functools import cache, partial
 from multiprocessing import get_context
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any, NamedTuple
 
 import numpy as np
 import pandas as pd
 
-from ship_trl.cli.parser import Parser, add_number
 from ship_trl.config.arm import Arm
-from ship_trl.config.bounds import Positive
 from ship_trl.config.errors import ConfigError
 from ship_trl.config.types import Config
 from ship_trl.files.disk import atomic_write
-
-if TYPE_CHECKING:
-    from ship_trl.run.plan import Run
+from ship_trl.grid.compose import compose_config
+from ship_trl.run.plan import Run, make_run
+from ship_trl.run.process import configure_process
 
 # Greedy evaluations in a run, and how many of the last ones count as the end.
 EVALUATIONS, LAST = 15, 3
 # Runs that a process trains at once.
 CPU_RUNS, GPU_RUNS = 64, 320
-# What tells a run from others, as text.
-KEY = ("target", "source", "arm", "seed", "length", "learner")
 # What a run reached, by its greedy evaluations: see `add_outcomes`.
 OUTCOMES = ("area", "jumpstart", "end", "success")
 Row = dict[str, Any]
-# Trains runs of one length and one learner; returns a row of each.
-Train = Callable[..., list[Row]]
 
 
-@dataclass(frozen=True)
-class Setting:
-    """What is trained: cases, arms, and how long in environment steps.
+class Task(NamedTuple):
+    """A run of `length` environment steps; without a source it learns from scratch.
 
-    `scratch_seeds` is for the baselines alone.
+    `learner` changes settings, as on a command line. The source has the seed `source_seed`, or that of the
+    run. The network of a run that `is_source` is kept.
     """
-
-    overrides: tuple[str, ...]
-    cases: tuple[str, ...]
-    arms: tuple[str, ...]
-    source_length: int
-    target_length: int
-    seeds: int
-    scratch_seeds: int = 10
-
-
-@dataclass(frozen=True)
-class Task:
-    """A run; without a source it learns from scratch, and `is_source` says that its network is kept."""
 
     target: str
     source: str
     arm: str
     seed: int
-    is_source: bool = False
-    # Of the source; None: the run's.
-    source_seed: int | None = None
-    # Changes of the setting's learner, as on a command line.
+    length: int
     learner: str = ""
+    source_seed: int | None = None
+    is_source: bool = False
 
-    def length(self, setting: Setting) -> int:
-        """Return how long the run is."""
-        return setting.source_length if self.is_source else setting.target_length
+    @property
+    def key(self) -> tuple[str, ...]:
+        """What tells the run from others in the table."""
+        return tuple(map(str, self[: len(KEY)]))
 
-    def key(self, setting: Setting) -> tuple[str, ...]:
-        """Return what tells the run from others in the table."""
-        length = str(self.length(setting))
-        return self.target, self.source, self.arm, str(self.seed), length, self.learner
-
-    def plan(self, setting: Setting, folder: Path) -> Run:
-        """Plan the run; its source lies in the folder."""
-        from ship_trl.run.plan import make_run
-
-        config = shared_config((*setting.overrides, *self.learner.split()))
+    def plan(self, overrides: Sequence[str], folder: Path) -> Run:
+        """Plan the run with the overrides that all share; its source lies in the folder."""
         arm, seed = Arm.parse(self.arm), self.seed if self.source_seed is None else self.source_seed
-        source_file = str(weights_path(folder, self.source, seed)) if arm.has_trained_source else None
-        config = replace(config, target=self.target, source=self.source or None, source_file=source_file)
-        config = replace(config, method=arm.method, layers=arm.layers, source_weights=arm.weights)
-        return make_run(replace(config, seed=self.seed))
+        config = replace(
+            shared_config((*overrides, *self.learner.split())),
+            target=self.target,
+            source=self.source or None,
+            source_file=str(weights_path(folder, self.source, seed)) if arm.has_trained_source else None,
+            seed=self.seed,
+        )
+        return make_run(config.with_arm(arm))
+
+
+KEY = Task._fields[:6]
+# Trains runs of one length and one learner; returns a row of each.
+Train = Callable[..., list[Row]]
 
 
 @cache
 def shared_config(overrides: tuple[str, ...]) -> Config:
-    """Compose the configuration that all runs of a setting share, once a process."""
-    from ship_trl.grid.compose import compose_config
-
+    """Compose the configuration that all runs share, once a process."""
     # No run writes there, but its plan looks whether the folder is free.
     output = f"output={tempfile.gettempdir()}/ship_trl_studies"
     words = ["profile=quick", "target=1", "method=scratch", "learn.jumpstart_draws=0", output, *overrides]
@@ -107,9 +86,13 @@ def weights_path(folder: Path, case: str, seed: int) -> Path:
     return folder / f"{case}-{seed}.safetensors"
 
 
+def paths_to_keep(tasks: Iterable[Task], folder: Path) -> list[Path | None]:
+    """Return where the network of each run is kept, None for those that are no source."""
+    return [weights_path(folder, task.target, task.seed) if task.is_source else None for task in tasks]
+
+
 def make_row(
     task: Task,
-    setting: Setting,
     greedy: Iterable[float],
     reached: Iterable[float],
     on_source: Iterable[float],
@@ -121,9 +104,7 @@ def make_row(
     was reached; `on_source` are returns on the source's case. `seconds` is processor time.
     """
     random, known = bounds(task.target)
-    return {
-        **{name: getattr(task, name) for name in ("target", "source", "arm", "seed")},
-        "length": task.length(setting),
+    return dict(zip(KEY[:-1], task, strict=False)) | {
         "random": round(random, 2),
         "best_known": round(known, 2),
         "greedy": join(greedy),
@@ -148,12 +129,15 @@ def join(values: Iterable[float]) -> str:
     return " ".join(f"{value:.2f}" for value in values)
 
 
-def keys(runs: pd.DataFrame) -> list[tuple[str, ...]]:
-    """Return what tells each run of a table from others."""
-    return list(runs.reindex(columns=KEY, fill_value="").astype(str).itertuples(index=False, name=None))
+def read_table(path: Path) -> tuple[pd.DataFrame, list[tuple[str, ...]]]:
+    """Read a table of runs, and what tells each from others; lists of numbers stay text, as names do."""
+    types = dict.fromkeys((*KEY, "greedy", "reached", "source_greedy"), str)
+    runs = pd.read_csv(path, dtype=types, keep_default_na=False)
+    keys = runs.reindex(columns=KEY, fill_value="").itertuples(index=False, name=None)
+    return runs.astype({name: int for name in ("seed", "length") if name in runs}), list(keys)
 
 
-def read_runs(folder: Path, wanted: Iterable[tuple[str, ...]], first: str) -> pd.DataFrame:
+def read_runs(folder: Path, wanted: Iterable[Task], first: str) -> pd.DataFrame:
     """Read the table of runs beside a folder, just made or the one that was kept, and what each run reached.
 
     Raises:
@@ -162,19 +146,16 @@ def read_runs(folder: Path, wanted: Iterable[tuple[str, ...]], first: str) -> pd
     """
     made, kept = folder.with_suffix(".csv"), folder.with_suffix(".csv.xz")
     path = made if made.is_file() else kept
-    # Lists of numbers stay text, as names do.
-    names = ("target", "source", "arm", "greedy", "reached", "source_greedy", "learner")
     try:
-        runs = pd.read_csv(path, dtype=dict.fromkeys(names, str), keep_default_na=False)
+        runs, keys = read_table(path)
         add_outcomes(runs)
     except FileNotFoundError:
         raise ConfigError(f"runs: no table {made}; allowed: after {first}") from None
     except (ValueError, KeyError, AttributeError, EOFError, lzma.LZMAError) as error:
         raise ConfigError(f"runs: {path} is not a table of runs: {error}") from None
-    found = keys(runs)
-    if len(set(found)) < len(found):
+    if len(set(keys)) < len(keys):
         raise ConfigError(f"runs: {path} has a run twice; allowed: once")
-    if missing := set(wanted) - set(found):
+    if missing := {task.key for task in wanted} - set(keys):
         raise ConfigError(f"runs: {len(missing)} runs are missing in {path}; allowed: after {first}")
     return runs
 
@@ -199,26 +180,21 @@ def add_outcomes(runs: pd.DataFrame) -> None:
     runs["success"] = reached[:, 1:].mean(1)
 
 
-def add_run_options(parser: Parser, settings: Iterable[str]) -> None:
-    """Add the options of a command that makes the runs of a setting."""
-    parser.add_argument("setting", choices=settings, help="what networks see")
-    add_number(parser, "--processes", Positive, 2, "at once (default 2)")
-    parser.add_argument("--device", choices=("cpu", "cuda"), default="cpu", help="default cpu")
-
-
-def make_missing(tasks: list[Task], setting: Setting, folder: Path, train: Train, options: Namespace) -> None:
+def make_missing(tasks: list[Task], folder: Path, train: Train, processes: int, device: str) -> None:
     """Make the runs that are not in the table beside the folder, sources first; a stopped study goes on."""
     folder.mkdir(parents=True, exist_ok=True)
     table = folder.with_suffix(".csv")
-    runs = pd.read_csv(table, dtype=str, keep_default_na=False) if table.exists() else pd.DataFrame()
-    done = set(keys(runs))
-    tasks = [task for task in tasks if task.key(setting) not in done]
-    processes, at_once = (1, GPU_RUNS) if options.device == "cuda" else (options.processes, CPU_RUNS)
-    work, count = partial(train, setting=setting, folder=folder, device=options.device), 0
-    with ProcessPoolExecutor(processes, get_context("spawn"), initializer=prepare) as pool:
+    runs, done = read_table(table) if table.exists() else (pd.DataFrame(), [])
+    known = set(done)
+    tasks = [task for task in tasks if task.key not in known]
+    processes, at_once = (1, GPU_RUNS) if device == "cuda" else (processes, CPU_RUNS)
+    work, count = partial(train, folder=folder, device=device), 0
+    with ProcessPoolExecutor(processes, get_context("spawn"), initializer=configure_process) as pool:
         for stage in (True, False):
-            groups = group([task for task in tasks if task.is_source is stage], at_once)
-            jobs = [pool.submit(work, one) for one in groups]
+            jobs = []
+            for learner in dict.fromkeys(task.learner for task in tasks):
+                own = [task for task in tasks if (task.is_source, task.learner) == (stage, learner)]
+                jobs += [pool.submit(work, own[k : k + at_once]) for k in range(0, len(own), at_once)]
             try:
                 for job in as_completed(jobs):
                     made = job.result()
@@ -234,18 +210,3 @@ def make_missing(tasks: list[Task], setting: Setting, folder: Path, train: Train
                 pool.shutdown(cancel_futures=True)
                 raise
     sys.stdout.write(f"{table}\n")
-
-
-def group(tasks: list[Task], at_once: int) -> list[list[Task]]:
-    """Group the runs that are trained at once; they have one learner."""
-    learners: dict[str, list[Task]] = {}
-    for task in tasks:
-        learners.setdefault(task.learner, []).append(task)
-    return [one[at : at + at_once] for one in learners.values() for at in range(0, len(one), at_once)]
-
-
-def prepare() -> None:
-    """Configure a process of the pool."""
-    from ship_trl.run.process import configure_process
-
-    configure_process()

@@ -1,4 +1,4 @@
-"""`metrics` compares learning curves of any library."""
+"""`results NAME=FILE` compares learning curves of any library."""
 
 import csv
 import re
@@ -6,7 +6,7 @@ from pathlib import Path
 
 import pytest
 
-from ship_trl.cli.metrics import main
+from ship_trl.cli.results import main
 from ship_trl.files.record import SourceReturns
 from tests.a_result import a_result
 from tests.command import refused
@@ -89,7 +89,7 @@ def test_a_pattern_is_several_files(capsys: pytest.CaptureFixture[str]) -> None:
 @pytest.mark.parametrize(
     ("words", "told"),
     [
-        (["slow.csv"], "results: allowed: NAME=FILE, got slow.csv"),
+        (["a=slow.csv", "slow.csv"], "results: allowed: NAME=FILE, got slow.csv"),
         (["a=none*.csv"], "a: no file none*.csv"),
         (["a=slow.csv", "--low", "5", "--high", "5"], "--low: must be below --high, got 5 and 5"),
         (["a=slow.csv", "b=slow.csv"], "b: slow.csv is given twice; allowed: each run once"),

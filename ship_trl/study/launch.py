@@ -188,28 +188,26 @@ MIN_FINISHED = 4
 @contextmanager
 def show_progress(jobs: list[Job], config: StudyConfig, episodes: int) -> Iterator[Callable[[], None]]:
     """Yield a function that shows how many runs are done; one under way counts by its share of `episodes`."""
-    left = unfinished(jobs, config)
+    left, total = unfinished(jobs, config), len(jobs) * episodes
 
-    def done() -> float:
+    def done() -> int:
         nonlocal left
         left = unfinished(left, config)
         begun = sum(last_episode(job.folder(config.folder) / CURVE) for job in left)
-        return (len(jobs) - len(left) + begun / episodes) / len(jobs)
+        return (len(jobs) - len(left)) * episodes + begun
 
-    share = done()
-    lines = Lines(LINE_SHARE, share, LINE_SECONDS)
+    is_plain, lines = not console.is_terminal, Lines(LINE_SHARE, done() / total, LINE_SECONDS)
     times = TimeElapsedColumn(), "left", TimeRemainingColumn()
     columns = BarColumn(bar_width=30), "{task.description}", *times
-    is_plain = not console.is_terminal
     with Progress(*columns, console=console, disable=is_plain, speed_estimate_period=PACE_SECONDS) as bar:
-        task = bar.add_task("", total=1.0, completed=share)
+        task = bar.add_task("", total=total, completed=done())
 
         def watch() -> None:
-            share = done()
+            completed = done()
             words = f"{len(jobs) - len(left)} of {len(jobs)} runs"
-            bar.update(task, completed=share, description=words)
-            if is_plain and lines.due(share):
-                say(f"{words} done, {share:.0%} of all{time_left(bar)}")
+            bar.update(task, completed=completed, description=words)
+            if is_plain and lines.due(completed / total):
+                say(f"{words} done, {completed / total:.0%} of all{time_left(bar)}")
 
         yield watch
 

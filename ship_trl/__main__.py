@@ -30,13 +30,12 @@ def train(words: list[str]) -> None:
     from omegaconf import DictConfig
 
     from ship_trl.cli.errors import check_words, hydra_errors, job_errors, refusals
-    from ship_trl.config.algorithm import ignored_keys
-    from ship_trl.config.checks import to_config
+    from ship_trl.config.checks import ignored_keys, to_config
     from ship_trl.config.errors import print_error
     from ship_trl.config.paths import conf_dir
     from ship_trl.grid.callback import objective
     from ship_trl.grid.compose import use_loader
-    from ship_trl.grid.launchers import die_with_launcher, mark_launcher, place_in_grid
+    from ship_trl.grid.launchers import GRID, LAUNCHER, die_with_launcher
     from ship_trl.run.plan import make_run
     from ship_trl.run.process import end_at_sigterm
 
@@ -52,7 +51,8 @@ def train(words: list[str]) -> None:
             from ship_trl.run.experiment import run_experiment
 
             if hydra_config.mode is RunMode.MULTIRUN:
-                result = run_experiment(run, place_in_grid(hydra_config.job.num))
+                place = f"{hydra_config.job.num + 1} of {os.environ.get(GRID, '?')}"
+                result = run_experiment(run, place)
             else:
                 # An algorithm of one's own may set each value itself.
                 result = run_experiment(run, recipe=hydra_config.runtime.choices.get("recipe", ""))
@@ -61,7 +61,7 @@ def train(words: list[str]) -> None:
     with refusals():
         check_words(words)
     use_loader()
-    mark_launcher()
+    os.environ[LAUNCHER] = str(os.getpid())
     end_at_sigterm()
     with hydra_errors():
         entry()

@@ -20,7 +20,7 @@ WITHOUT_TORCH = (
     "policies/pretrained", "policies/demonstrations", "policies/registry",
     "run/plan", "run/process", "run/console", "grid/launchers", "run/results",
     "grid/callback", "grid/compose", "run/entries", "run/pretrain",
-    "explain/study", "study", "learn/settings",
+    "explain/study", "study", "learn/settings", "learn/hooks", "transfer/methods",
 )  # fmt: skip
 FILES = sorted(PACKAGE.rglob("*.py"))
 OUTSIDE = [path for name in ("benchmarks", "studies") for path in (PACKAGE.parent / name).rglob("*.py")]

@@ -14,8 +14,7 @@ from pathlib import Path
 
 from ship_trl.cli.errors import refusals
 from ship_trl.cli.parser import add_output, make_parser
-from ship_trl.config.command import command, override
-from ship_trl.config.errors import ConfigError
+from ship_trl.config.errors import ConfigError, command, override
 from ship_trl.config.paths import conf_dir
 from ship_trl.config.types import World
 from ship_trl.policies.pretrained import networks

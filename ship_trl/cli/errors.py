@@ -13,8 +13,7 @@ from traceback import walk_tb
 from typing import NoReturn
 
 from ship_trl.cli.help import MOVED, VERBS
-from ship_trl.config.command import command
-from ship_trl.config.errors import ConfigError, explain, print_error
+from ship_trl.config.errors import ConfigError, command, explain, print_error
 from ship_trl.files.disk import DISK
 
 
@@ -30,31 +29,31 @@ def refusals() -> Iterator[None]:
 
 @contextmanager
 def job_errors() -> Iterator[None]:
-    """Print a `ConfigError` or an `OSError` of one job as one line.
+    """End a run that was stopped, and print the error of one job of a grid as one line.
 
-    A single run exits then. In a sweep the exception is raised again, because SystemExit would abort the
-    other jobs too.
+    In a grid the exception is raised again, because SystemExit would abort the other jobs too.
     """
     from hydra.core.hydra_config import HydraConfig
     from hydra.types import RunMode
 
     from ship_trl.run.process import TIME_TO_STOP, StoppedError, end_by_signal
 
+    is_single = HydraConfig.get().mode is RunMode.RUN
     try:
         yield
     except StoppedError as error:
         print_error(str(error))
-        if HydraConfig.get().mode is RunMode.RUN:
+        if is_single:
             sys.exit(128 + error.number)
         # A worker process must not take the next run. But when the first one ends, joblib kills the others,
         # which may still be writing.
         time.sleep(TIME_TO_STOP)
         end_by_signal(error.number)
-    except (ConfigError, OSError) as error:
-        if isinstance(error, OSError) and not names_file(error):
+    except Exception as error:
+        if not (line := explain_error(error)):
             raise
-        print_error(explain_file(error) if isinstance(error, OSError) else str(error))
-        if HydraConfig.get().mode is RunMode.RUN:
+        print_error(line)
+        if is_single:
             sys.exit(1)
         raise
 
@@ -76,10 +75,10 @@ def hydra_errors() -> Iterator[None]:
         print_error("interrupted; the same command continues from the last checkpoint, if there is one")
         sys.exit(130)
     except Exception as error:
-        line = explain_command(error)
-        if line is None:
+        if not (line := explain_error(error)):
             raise
-        print_error(line)
+        in_a_job = "this sweep had a job that was refused: " * isinstance(error, ConfigError)
+        print_error(f"{in_a_job}{line}")
         sys.exit(1)
 
 
@@ -105,8 +104,8 @@ def check_words(words: list[str]) -> None:
     parser.parse_args(words)
 
 
-def explain_command(error: Exception) -> str | None:
-    """Explain in one line why a command failed, or return None for a fault of the program."""
+def explain_error(error: Exception) -> str:
+    """Explain in one line why a command failed; empty for a fault of the program."""
     import yaml
     from hydra.errors import HydraException
     from omegaconf.errors import OmegaConfBaseException
@@ -115,7 +114,7 @@ def explain_command(error: Exception) -> str | None:
 
     match error:
         case ConfigError():
-            return f"this sweep had a job that was refused: {error}"
+            return str(error)
         case HydraException():
             return explain_hydra(error)
         case OmegaConfBaseException():
@@ -123,17 +122,13 @@ def explain_command(error: Exception) -> str | None:
         case yaml.YAMLError():
             return f"config: not YAML: {' '.join(str(error).split())}"
         case OSError():
-            return explain_file(error) if names_file(error) else None
+            # One that is not about a file or the disk says more with its traceback.
+            return explain_file(error) if error.filename is not None or error.errno in DISK else ""
     # For some overrides Hydra raises Python's own errors, as a TypeError for ~network.conv.0. Errors that
     # OmegaConf raises belong to the module that called it.
     names = [str(frame.f_globals.get("__name__", "")) for frame, _ in walk_tb(error.__traceback__)]
     module = next((name for name in reversed(names) if not name.startswith("omegaconf")), "")
-    return f"overrides: Hydra cannot read them ({error})" if module.startswith(("hydra", "antlr4")) else None
-
-
-def names_file(error: OSError) -> bool:
-    """Return whether an error is about a file or the disk; for others a traceback says more."""
-    return error.filename is not None or error.errno in DISK
+    return f"overrides: Hydra cannot read them ({error})" if module.startswith(("hydra", "antlr4")) else ""
 
 
 def explain_file(error: OSError) -> str:

@@ -14,8 +14,7 @@ from pydantic import Field
 
 from ship_trl.cli.errors import refusals
 from ship_trl.cli.parser import add_number, add_policies, add_seed, make_parser
-from ship_trl.config.command import command
-from ship_trl.config.errors import ConfigError
+from ship_trl.config.errors import ConfigError, command
 from ship_trl.policies.registry import Entry
 from ship_trl.run.entries import drop_last_networks, find_entries
 

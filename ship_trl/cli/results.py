@@ -22,8 +22,7 @@ from pydantic import Field
 from ship_trl.cli.errors import refusals
 from ship_trl.cli.parser import add_number, add_output, make_parser
 from ship_trl.config.bounds import PositiveShare
-from ship_trl.config.command import command
-from ship_trl.config.errors import ConfigError, print_error
+from ship_trl.config.errors import ConfigError, command, print_error
 from ship_trl.files.curve import RunError
 from ship_trl.files.logs import KINDS, LearningCurve, read_logs
 from ship_trl.files.record import Evaluation, RunRecord

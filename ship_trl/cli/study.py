@@ -19,8 +19,7 @@ from pathlib import Path
 
 from ship_trl.cli.errors import refusals
 from ship_trl.cli.parser import make_parser
-from ship_trl.config.command import command
-from ship_trl.config.errors import ConfigError, print_error
+from ship_trl.config.errors import ConfigError, command, print_error
 from ship_trl.run.console import say, show
 from ship_trl.run.process import exit_at_sigterm
 from ship_trl.study.claims import load_claims

@@ -10,7 +10,7 @@ from __future__ import annotations
 
 from ship_trl.cli.errors import refusals
 from ship_trl.cli.parser import add_policies, add_seed, add_size, make_parser
-from ship_trl.config.command import command
+from ship_trl.config.errors import command
 from ship_trl.policies.registry import split_suites
 from ship_trl.run.entries import find_entries
 

@@ -9,28 +9,25 @@ import re
 from collections.abc import Sequence
 from dataclasses import dataclass
 from enum import StrEnum
-from functools import total_ordering
-from typing import Any
+from functools import cache, total_ordering
+from importlib import import_module
+from typing import Annotated, Any
+
+from ship_trl.config.paths import PACKAGE, stem
+from ship_trl.config.schema import rule
 
 # Values of `layers` that are no number: the whole network, its fully connected layers alone, or all but the
 # output layers (value and advantage).
 ALL_LAYERS, HEAD, BODY = "all", "head", "body"
-DEMONSTRATIONS = "demonstrations"
+LETTERS = {ALL_LAYERS: "W", HEAD: "H", BODY: "B"}
 OUTPUT = ("value", "advantage")
 FULLY_CONNECTED = ("shared", *OUTPUT)
-
-
-class TransferMethodName(StrEnum):
-    """How the source is used; `FORMS` says more of each."""
-
-    scratch = "scratch"
-    feature_extraction = "feature_extraction"
-    finetune = "finetune"
-    unfreeze = "unfreeze"
-    l2sp = "l2sp"
-    guide = "guide"
-    qdagger = "qdagger"
-    q_reuse = "q_reuse"
+# How the source is used, a file each. Figures list these methods first, then others by their names.
+FIRST = ["feature_extraction", "finetune", "unfreeze", "l2sp", "guide", "qdagger", "q_reuse"]
+FILES = {stem(path) for path in (PACKAGE / "transfer/methods").glob("[!_]*.py")} - {"base"}
+METHODS = ["scratch", *FIRST, *sorted(FILES.difference(FIRST))]
+MethodName = Annotated[str, rule(f"one of {', '.join(METHODS)}", METHODS.__contains__)]
+NAME = re.compile(r"([A-Z]+?)([1-9]\d*|[WHB])?(?:-(pretrained|random|permuted))?", re.ASCII)
 
 
 class SourceWeights(StrEnum):
@@ -47,37 +44,27 @@ class SourceWeights(StrEnum):
 
 @dataclass(frozen=True)
 class Form:
-    """A method, and its arms.
+    """How the arms of a method are written, and what it needs; each file of `transfer/methods` has one.
 
     Attributes:
-        prefix: begins their names.
-        hooks: `module:class` of what it does, in `ship_trl.transfer.methods`.
+        prefix: begins their names, in capital letters.
         words: what `layers` may be besides a number.
         bare: whether it may be left out, so that nothing is copied.
         uses_function: whether it uses what the source computes, not only its weights.
+        settings: the dataclass of its keys below `transfer`.
     """
 
     prefix: str
-    hooks: str = "base:TransferMethod"
     words: tuple[str, ...] = (ALL_LAYERS, HEAD, BODY)
     bare: bool = False
     uses_function: bool = False
+    settings: type | None = None
 
 
-# From scratch nothing is copied, and finetuning copies only: both do what every method does.
-FORMS = {
-    TransferMethodName.scratch: Form("scratch", words=(), bare=True),
-    TransferMethodName.feature_extraction: Form("FE", "feature_extraction:FeatureExtraction", (HEAD,)),
-    TransferMethodName.finetune: Form("FT"),
-    TransferMethodName.unfreeze: Form("GU", "unfreeze:Unfreeze", (ALL_LAYERS,)),
-    TransferMethodName.l2sp: Form("SP", "l2sp:L2SP"),
-    TransferMethodName.guide: Form("G", "guide:Guide", bare=True, uses_function=True),
-    TransferMethodName.qdagger: Form("QD", "qdagger:QDagger", bare=True, uses_function=True),
-    TransferMethodName.q_reuse: Form("QR", "q_reuse:QReuse", (), bare=True, uses_function=True),
-}
-METHODS = {form.prefix: method for method, form in FORMS.items() if method != TransferMethodName.scratch}
-LETTERS = {ALL_LAYERS: "W", HEAD: "H", BODY: "B"}
-NAME = re.compile(rf"({'|'.join(METHODS)})([1-9]\d*|[WHB])?(?:-(pretrained|random|permuted))?", re.ASCII)
+@cache
+def forms() -> dict[str, Form]:
+    """Return the form of each method, as its file says it."""
+    return {name: import_module(f"ship_trl.transfer.methods.{name}").FORM for name in METHODS[1:]}
 
 
 @total_ordering
@@ -97,15 +84,16 @@ class Arm:
         ValueError: there is no such arm.
     """
 
-    method: TransferMethodName
+    method: str
     layers: int | str | None = None
     weights: SourceWeights = SourceWeights.learned
 
     def __post_init__(self) -> None:
-        form, counted = FORMS[self.method], type(self.layers) is int and self.layers >= 1
-        possible = counted or self.layers in form.words or (self.layers is None and form.bare)
         if self.is_scratch:
             possible = self.layers is None and self.weights is SourceWeights.learned
+        else:
+            form, counted = forms()[self.method], type(self.layers) is int and self.layers >= 1
+            possible = counted or self.layers in form.words or (self.layers is None and form.bare)
         if not possible:
             raise ValueError(f"no arm has {self.method}, layers {self.layers}, {self.weights} weights")
 
@@ -118,29 +106,28 @@ class Arm:
         """
         if name == SCRATCH.name:
             return SCRATCH
-        if (found := NAME.fullmatch(name)) is None:
-            raise ValueError(f"{name!r:.50} names no arm")
-        prefix, layers, weights = found.groups()
-        words: dict[str | None, Any] = {letter: word for word, letter in LETTERS.items()} | {None: None}
-        count = words[layers] if layers in words else int(layers)
         try:
-            return Arm(METHODS[prefix], count, SourceWeights(weights or SourceWeights.learned))
-        except ValueError:
+            prefix, layers, weights = found.groups() if (found := NAME.fullmatch(name)) else ("", "", "")
+            method = next(one for one, form in forms().items() if form.prefix == prefix)
+            words: dict[str | None, Any] = {letter: word for word, letter in LETTERS.items()} | {None: None}
+            count = words[layers] if layers in words else int(layers)
+            return Arm(method, count, SourceWeights(weights or SourceWeights.learned))
+        except (ValueError, StopIteration):
             raise ValueError(f"{name!r:.50} names no arm") from None
 
     @property
     def name(self) -> str:
         """The arm's name in figures, tables and folders."""
         if self.is_scratch:
-            return TransferMethodName.scratch.value
-        layers = LETTERS.get(str(self.layers), "" if self.layers is None else str(self.layers))
-        suffix = "" if self.weights is SourceWeights.learned else f"-{self.weights.value}"
-        return f"{FORMS[self.method].prefix}{layers}{suffix}"
+            return self.method
+        layers = LETTERS.get(str(self.layers), str(self.layers or ""))
+        suffix = "" if self.weights is SourceWeights.learned else f"-{self.weights}"
+        return f"{forms()[self.method].prefix}{layers}{suffix}"
 
     @property
     def is_scratch(self) -> bool:
         """Whether there is no source."""
-        return self.method is TransferMethodName.scratch
+        return self.method == "scratch"
 
     @property
     def has_trained_source(self) -> bool:
@@ -150,7 +137,7 @@ class Arm:
     @property
     def frozen_layers(self) -> int:
         """How many conv layers, counted from the image, never learn."""
-        counted = self.method is TransferMethodName.feature_extraction and self.layers != HEAD
+        counted = self.method == "feature_extraction" and self.layers != HEAD
         return int(self.layers or 0) if counted else 0
 
     def copied(self, layers: Sequence[str], counted: Sequence[str]) -> tuple[str, ...]:
@@ -166,17 +153,13 @@ class Arm:
     @property
     def keys(self) -> dict[str, Any]:
         """Its method and layers, as results and hashes hold them and a command line sets them."""
-        return {"method": self.method.value, "layers": self.layers}
+        return {"method": self.method, "layers": self.layers}
 
     @property
     def settings(self) -> dict[str, Any]:
         """The values of a configuration that `arm=NAME` stands for."""
         learned = self.weights is SourceWeights.learned
         return self.keys if learned else self.keys | {"source_weights": self.weights.value}
-
-    def label(self, demonstrations: bool) -> str:
-        """Return the name of a run of this arm, with a suffix if it begins with demonstrations."""
-        return f"{self.name}-{DEMONSTRATIONS}" if demonstrations else self.name
 
     def __str__(self) -> str:
         return self.name
@@ -186,15 +169,20 @@ class Arm:
 
     @property
     def _order(self) -> tuple[int, int, int, int]:
-        method, weights = list(TransferMethodName).index(self.method), list(SourceWeights).index(self.weights)
         words: list[Any] = [None, HEAD, BODY, ALL_LAYERS]
         count = self.layers if isinstance(self.layers, int) else 0
-        return method, weights, 0 if count else words.index(self.layers), count
+        place = 0 if count else words.index(self.layers)
+        return METHODS.index(self.method), list(SourceWeights).index(self.weights), place, count
 
 
-SCRATCH = Arm(TransferMethodName.scratch)
-# What names an arm, for messages and the help.
-ARM_NAMES = (
-    f"scratch, or {', '.join(METHODS)} with a number of layers or {', '.join(LETTERS.values())}, as FT3; "
-    "G, QD and QR alone; with -random, -permuted or -pretrained behind it"
-)
+SCRATCH = Arm("scratch")
+
+
+def arm_names() -> str:
+    """Return what names an arm, for messages."""
+    prefixes = ", ".join(form.prefix for form in forms().values())
+    alone = ", ".join(form.prefix for form in forms().values() if form.bare)
+    return (
+        f"scratch, or {prefixes} with a number of layers or {', '.join(LETTERS.values())}, as FT3; "
+        f"{alone} alone; with -random, -permuted or -pretrained behind it"
+    )

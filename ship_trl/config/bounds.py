@@ -19,12 +19,14 @@ PICTURE = 84
 OWN_NUMBERS, SHIP_NUMBERS = 5, 10
 # Episodes and steps only take time: a run of a billion would take years.
 MAX_COUNT, MAX_DRAWS = 10**9, 10**6
-# At this number of steps the planner's table of returns takes 2.3 GB.
-MAX_STEPS = 1000
-# Seconds of a step; metres of a radius or a coordinate.
-MIN_STEP_SECONDS, MAX_STEP_SECONDS, MAX_DISTANCE = 1e-3, 1e3, 1e5
-# Rad/s: a full turn in six seconds.
-MAX_TURN = 1.0
+# At this number of steps the planner's table of returns takes 2.3 GB; it tries all actions at each.
+MAX_STEPS, MAX_ACTIONS = 1000, 100
+# Seconds of a step; m/s of own ship; metres of a radius or a coordinate.
+MIN_STEP_SECONDS, MAX_STEP_SECONDS, MAX_SPEED, MAX_DISTANCE = 1e-3, 1e3, 1e3, 1e5
+# Transitions of the replay: two states with eight target ships, 406 bytes each, take 4 GB.
+MAX_REPLAY = 10**7
+# Pictures that are computed at once: the paper's network takes about 0.1 MB of maps for each.
+MAX_BATCH = 30_000
 MAX_REWARD_COEFFICIENT = 1e6
 # Adam's steps are about as large as the learning rate.
 MAX_LEARNING_RATE, MAX_REWARD_SCALE, MAX_HUBER_DELTA = 1.0, 1e3, 1e9
@@ -37,6 +39,8 @@ Count = Annotated[int, Field(ge=1, le=MAX_COUNT)]
 Share = Annotated[float, Field(ge=0, le=1)]
 PositiveShare = Annotated[float, Field(gt=0, le=1)]
 LearningRate = Annotated[float, Field(gt=0, le=MAX_LEARNING_RATE)]
+# Weight of a part of the loss.
+LossWeight = Annotated[float, Field(ge=0, le=1e9)]
 RewardScale = Annotated[float, Field(gt=0, le=MAX_REWARD_SCALE)]
 # Default half-angle of the head-on sector (Pedersen 2023).
 HEAD_ON_DEGREES = 5.0
@@ -74,7 +78,11 @@ ConvNumbers = Annotated[
 Actions = Annotated[
     list[list[float]],
     rule(
-        "a list of [v in m/s, omega in rad/s], at least one with v above 0",
-        lambda rows: all(len(row) == 2 for row in rows) and any(speed > 0 for speed, _ in rows),
+        f"at most {MAX_ACTIONS} of [v in m/s, omega in rad/s], |v| at most {MAX_SPEED:g}, one v above 0",
+        lambda rows: (
+            len(rows) <= MAX_ACTIONS
+            and all(len(row) == 2 and abs(row[0]) <= MAX_SPEED for row in rows)
+            and any(speed > 0 for speed, _ in rows)
+        ),
     ),
 ]

@@ -1,145 +1,133 @@
 """Check keys of a configuration against one another; bounds of one key are in types.py. No torch.
 
-Every error is a `ConfigError` whose one line names the key and what is allowed.
+Every error is a `ConfigError` whose one line names the key and what is allowed. A bundled algorithm says what
+it reads in `READS` of the module `settings` beside its own; a builder of one's own takes any keys.
 """
 
 from __future__ import annotations
 
+import dataclasses
+import importlib
 import importlib.util
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
 
 from omegaconf import DictConfig
 
-from ship_trl.config.algorithm import read_algorithm, reads_of
-from ship_trl.config.arm import BODY, FORMS, HEAD, SourceWeights, TransferMethodName
-from ship_trl.config.bounds import MAX_DISTANCE, PICTURE
-from ship_trl.config.errors import ConfigError, missing_extra
-from ship_trl.config.network import Geometry, geometry, linear_from, linear_sizes, supports_incremental
+from ship_trl.config.arm import BODY, HEAD, SourceWeights, forms
+from ship_trl.config.errors import ConfigError, missing_extra, require
+from ship_trl.config.network import geometry, supports_incremental
+from ship_trl.config.paths import PACKAGE
 from ship_trl.config.schema import read_as
-from ship_trl.config.types import BackendName, Config, Observation, World, bfloat16_allowed, trackers_of
+from ship_trl.config.types import BackendName, Config, Learn, bfloat16_allowed, trackers_of
 
-# The planner tries each action at each step: ten actions and a thousand steps take it about ten minutes.
-MAX_ACTIONS, MAX_PLANNED = 100, 10_000
-# Metres of the fastest action in an episode, where 32-bit numbers still resolve decimetres.
-MAX_EPISODE_METRES = 1e6
-# Numbers in the maps of a batch: 4 GB. Weights: 2 GB with Adam's two means, gradient and target network.
-MAX_MAP_NUMBERS, MAX_WEIGHTS = 1_000_000_000, 100_000_000
-# Bytes of the replay in memory; a transition of two states with eight target ships takes 406.
-MAX_REPLAY_BYTES, TRANSITION_BYTES = 2**33, 406
+
+@dataclass(frozen=True)
+class Reads:
+    """What an algorithm reads.
+
+    Attributes:
+        settings: the dataclass of its own keys; a method `check` gets `learn`. None takes any keys.
+        ignored: keys of others that it does not read.
+        is_default: whether files and digests leave it out.
+        is_on_policy: whether it learns from its own actions alone, without replay and Q-values.
+        is_distilled: whether it learns the Q-values of a teacher.
+        unnamed_without: its own keys that files and digests leave out where the key before them is 0.
+    """
+
+    settings: type | None = None
+    ignored: tuple[str, ...] = ()
+    is_default: bool = False
+    is_on_policy: bool = False
+    is_distilled: bool = False
+    unnamed_without: Mapping[str, tuple[str, ...]] = field(default_factory=dict)
 
 
 def to_config(values: DictConfig) -> Config:
     """Check composed values and return them as a `Config`, or raise a `ConfigError`."""
     config = read_as(Config, values)
     bfloat16_allowed()
-    check_world(config.world)
-    learn = config.learn
+    learn, margin, safe = config.learn, config.margin, config.world.safe_distance
     allowed = f"at most learn.replay_size={learn.replay_size}"
     require(learn.batch_size <= learn.replay_size, "learn.batch_size", allowed, learn.batch_size)
-    check_margin(config)
+    allowed = f"above world.safe_distance={safe:g} with margin.penalty={margin.penalty:g}"
+    require(not margin.penalty or margin.distance > safe, "margin.distance", allowed, f"{margin.distance:g}")
     config.algorithm = read_algorithm(config.algorithm, learn)
-    reads = reads_of(config.algorithm)
-    if reads.is_on_policy:
-        allowed = "left out with an algorithm that learns from its own actions alone"
-        require(config.demonstrations is None, "demonstrations", allowed, config.demonstrations)
-        without = not FORMS[config.method].uses_function
-        allowed = "another with an algorithm that has no Q-values"
-        require(without, "method", allowed, config.method.value)
-    if reads.is_distilled and config.method is TransferMethodName.q_reuse:
-        allowed = "another with an algorithm that learns the Q-values of a teacher"
-        require(False, "method", allowed, config.method.value)
-    # The network limits the layers of the arm, and the arm says how many of them are frozen.
-    layers = geometry(config.network)
-    check_observation(config)
-    check_backend(config, layers)
+    check_network(config)
     check_logger(config.logger)
     check_arm(config)
-    check_memory(config, layers)
+    check_algorithm(config)
     return config
 
 
-def require(condition: bool, key: str, allowed: str, got: object) -> None:
-    """Raise a `ConfigError` that names `key`, what is `allowed` and what was given."""
-    if not condition:
-        raise ConfigError(f"{key}: must be {allowed}, got {got}")
+def reads_of(algorithm: Mapping[str, Any]) -> Reads:
+    """Return what an algorithm reads; any keys if it does not say."""
+    package, _, name = str(algorithm["build"]).rpartition(":")[0].rpartition(".")
+    # Files may name any package, which must not be imported for that.
+    if package != f"{PACKAGE.name}.learn":
+        return Reads()
+    found: Reads = importlib.import_module(f"{package}.settings").READS.get(name, Reads())
+    return found
 
 
-def require_at_most(most: float, key: str, value: float, why: str) -> None:
-    """Raise a `ConfigError` if a value is larger than `most`."""
-    allowed, got = (str(one) if type(one) is int else f"{one:g}" for one in (most, value))
-    require(value <= most, key, f"at most {allowed} ({why})", got)
+def read_algorithm(values: dict[str, Any], learn: Learn) -> dict[str, Any]:
+    """Check `build` and the keys that it reads; return them with their types.
 
-
-def check_world(world: World) -> None:
-    """Check the number of actions, and how far a ship moves in an episode."""
-    key, steps = "world.actions", world.max_steps
-    most_actions = min(MAX_ACTIONS, MAX_PLANNED // steps)
-    require_at_most(most_actions, key, len(world.actions), "their number; the planner tries all")
-    way = max(abs(speed) * world.dt for speed, _ in world.actions) * steps
-    require(way <= MAX_EPISODE_METRES, key, f"at most {MAX_EPISODE_METRES:g} m in an episode", f"{way:g}")
-    why = "metres that the fastest action makes in an episode"
-    require_at_most(min(MAX_DISTANCE, way), "world.goal_distance", world.goal_distance, why)
-
-
-def check_margin(config: Config) -> None:
-    """Check that a cost of near passes begins outside the safe distance."""
-    margin, safe = config.margin, config.world.safe_distance
-    allowed = f"above world.safe_distance={safe:g} with margin.penalty={margin.penalty:g}"
-    require(not margin.penalty or margin.distance > safe, "margin.distance", allowed, f"{margin.distance:g}")
-
-
-def check_observation(config: Config) -> None:
-    """Check that the network sees what is observed, and that a vector comes with no setting of pixels."""
-    seen, network, learn = config.observation, config.network, config.learn
-    fitting, layers = (Observation.vector, "linear") if network.linear else (Observation.pixels, "conv")
-    require(seen is fitting, "observation", f"{fitting.name} with network.{layers}", seen.name)
-    if seen is Observation.vector:
-        allowed = "with observation=vector"
-        require(not config.colour, "colour", f"false {allowed}", "true")
-        is_dense = learn.backend is not BackendName.incremental
-        require(is_dense, "learn.backend", f"auto or dense {allowed}", learn.backend.name)
-
-
-def check_backend(config: Config, layers: Geometry) -> None:
-    """Check that `learn.backend=incremental` can compute the network; `fast=false` makes all layers dense."""
-    if config.learn.backend is BackendName.incremental:
-        key, name = "learn.backend", config.learn.backend.name
-        require(config.fast, key, "auto or dense with fast=false", name)
-        require(config.device == "cpu", key, f"auto or dense with device={config.device}", name)
-        allowed = f"auto or dense with network.conv={config.network.conv}"
-        require(supports_incremental(layers), key, allowed, name)
-    if not config.fast:
-        config.learn.backend = BackendName.dense
-
-
-def check_memory(config: Config, layers: Geometry) -> None:
-    """Check what a run holds at once: weights, maps and replay."""
-    learn, network, channels = config.learn, config.network, 3 if config.colour else 1
-    if network.linear:
-        key, sizes = "network.linear", linear_sizes(network)
-        weights, maps = sum(below * width for below, width in sizes), network.inputs + sum(network.linear)
-        maps += (network.ships - 1) * sum(network.linear[: network.per_ship])
+    Raises:
+        ConfigError: `build` names no function, its file or package is missing, or a key is unknown or wrong.
+    """
+    build = values.get("build")
+    where, _, function = str(build).rpartition(":")
+    if where.endswith(".py"):
+        is_there = Path(where).is_file()
     else:
-        key, weights, below = "network.conv", 0, channels
-        for layer in layers:
-            weights, below = weights + below * layer.filters * layer.kernel**2, layer.filters
-        weights += below * network.hidden
-        maps = channels * PICTURE**2 + sum(layer.filters * layer.side**2 for layer in layers)
-    require_at_most(MAX_WEIGHTS, key, weights, "weights; they take 2 GB in training")
-    batches = {"learn.num_envs": learn.num_envs, "learn.batch_size": learn.batch_size}
-    if key_of_batch := reads_of(config.algorithm).batch_key:
-        batches[f"algorithm.{key_of_batch}"] = config.algorithm[key_of_batch]
-    for name, value in batches.items():
-        require_at_most(MAX_MAP_NUMBERS // maps, name, value, f"4 GB of the maps of {key}")
-    size, frozen = TRANSITION_BYTES, config.arm.frozen_layers
-    is_incremental = learn.backend is not BackendName.dense and supports_incremental(layers)
-    # Double DQN then stores two states as features of the frozen layers, two bytes a number.
-    if config.device == "cpu" and is_incremental and frozen >= linear_from(layers):
-        size += 4 * layers[frozen - 1].filters * layers[frozen - 1].side ** 2
-    if network.linear:
-        # It stores two vectors of float32 in place of two states.
-        size += 8 * network.inputs
-    most = MAX_REPLAY_BYTES // size
-    require_at_most(most, "learn.replay_size", learn.replay_size, f"{MAX_REPLAY_BYTES >> 30} GB")
+        package = where.split(".")[0]
+        is_there = package.isidentifier() and importlib.util.find_spec(package) is not None
+    allowed = "module:function or file.py:function, of a module or file that exists"
+    require(function.isidentifier() and is_there, "algorithm.build", allowed, build)
+    if (kind := reads_of(values).settings) is None:
+        return values
+    own = {key: value for key, value in values.items() if key != "build"}
+    settings: Any = read_as(kind, own, key="algorithm")
+    if hasattr(settings, "check"):
+        settings.check(learn)
+    return {"build": build, **dataclasses.asdict(settings)}
+
+
+def ignored_keys(algorithm: Mapping[str, Any], words: Iterable[str]) -> list[str]:
+    """Return the keys of a command line that an algorithm does not read."""
+    keys = (word.partition("=")[0].lstrip("+") for word in words)
+    return [key for key in keys if key in reads_of(algorithm).ignored]
+
+
+def non_default_algorithm(algorithm: dict[str, Any]) -> dict[str, Any] | None:
+    """Return the values of `algorithm` that files and digests hold; None for the paper's."""
+    reads = reads_of(algorithm)
+    if reads.is_default:
+        return None
+    unnamed = {key for first, keys in reads.unnamed_without.items() if not algorithm[first] for key in keys}
+    return {key: value for key, value in algorithm.items() if key not in unnamed}
+
+
+def check_network(config: Config) -> None:
+    """Check that the network sees what is observed, and that the backend can compute it."""
+    network, learn, seen = config.network, config.learn, config.observation.name
+    layers = geometry(network)
+    fitting, kind = ("vector", "linear") if network.linear else ("pixels", "conv")
+    require(seen == fitting, "observation", f"{fitting} with network.{kind}", seen)
+    require(not (network.linear and config.colour), "colour", "false with observation=vector", "true")
+    if learn.backend is BackendName.incremental:
+        for is_possible, with_what in (
+            (not network.linear, "observation=vector"),
+            (config.fast, "fast=false"),
+            (config.device == "cpu", f"device={config.device}"),
+            (supports_incremental(layers), f"network.conv={network.conv}"),
+        ):
+            require(is_possible, "learn.backend", f"auto or dense with {with_what}", "incremental")
+    if not config.fast:
+        learn.backend = BackendName.dense
 
 
 def check_logger(logger: str) -> None:
@@ -150,43 +138,47 @@ def check_logger(logger: str) -> None:
 
 def check_arm(config: Config) -> None:
     """Check method, layers, source and target against one another."""
-    method, layers, weights = config.method, config.layers, config.source_weights
+    layers, weights, file = config.layers, config.source_weights, config.source_file
+    learned, pretrained = weights is SourceWeights.learned, weights is SourceWeights.pretrained
+    given = f"with method={config.method}"
     if config.target is None:
         raise ConfigError(
             "pair: none given; give +pair=NAME (see --help for the names), "
             "or source=CASE target=CASE, or method=scratch target=CASE"
         )
-    if method is TransferMethodName.scratch:
-        require(layers is None, "layers", "left out with method=scratch", layers)
-        require(config.source_file is None, "source_file", "left out with method=scratch", config.source_file)
-        learned = weights is SourceWeights.learned
-        require(learned, "source_weights", "learned with method=scratch", weights.value)
+    if config.method == "scratch":
+        require(layers is None, "layers", f"left out {given}", layers)
+        require(file is None, "source_file", f"left out {given}", file)
+        require(learned, "source_weights", f"learned {given}", weights)
         return
-    if config.source_file is not None:
-        is_read = weights in (SourceWeights.learned, SourceWeights.permuted)
-        require(is_read, "source_weights", "learned or permuted with a source_file", weights.value)
-    if config.source == SourceWeights.pretrained.value:
-        left_out = f"left out with source={config.source}"
-        is_bundled = weights in (SourceWeights.learned, SourceWeights.pretrained)
-        require(is_bundled, "source_weights", left_out, weights.value)
-        require(config.source_file is None, "source_file", left_out, config.source_file)
-    source = f"a case, for method={method.value}; without a source method=scratch"
-    require(config.source is not None, "source", source, "none")
-    form, counts = FORMS[method], range(1, config.network.depth + 1)
-    *others, last = [*map(str, counts), *form.words]
-    numbers = f"{', '.join(others)} or {last}"
-    if layers is None and not form.bare:
-        raise ConfigError(
-            f"layers: none given; give layers={numbers} with method={method.value}, "
-            "or arm=NAME, which sets both (see --help for the names)"
-        )
-    known = layers in form.words or (type(layers) is int and layers in counts) or layers is None
-    numbers += ", or left out" * form.bare
-    require(known, "layers", f"{numbers} with method={method.value}", layers)
-    if layers == BODY or (layers == HEAD and method is TransferMethodName.feature_extraction):
+    if file is not None:
+        is_read = learned or weights is SourceWeights.permuted
+        require(is_read, "source_weights", "learned or permuted with a source_file", weights)
+    if config.source == SourceWeights.pretrained:
+        require(learned or pretrained, "source_weights", "left out with source=pretrained", weights)
+        require(file is None, "source_file", "left out with source=pretrained", file)
+    require(config.source is not None, "source", f"a case {given}; without one method=scratch", "none")
+    form = forms()[config.method]
+    possible = [*range(1, config.network.depth + 1), *form.words]
+    is_possible = layers in possible if type(layers) in (int, str) else layers is None and form.bare
+    allowed = ", ".join([*map(str, possible), *["left out"] * form.bare])
+    got = f"{'none' if layers is None else layers}; arm=NAME sets both"
+    require(is_possible, "layers", f"{allowed} {given}", got)
+    if layers == BODY or (layers == HEAD and config.method == "feature_extraction"):
         # The layers of a network of numbers are all fully connected, and counted.
         require(bool(config.network.conv), "layers", "a number or all with observation=vector", layers)
     if form.uses_function:
-        is_trained = weights in (SourceWeights.learned, SourceWeights.pretrained)
-        allowed = f"learned or pretrained with method={method.value}"
-        require(is_trained, "source_weights", allowed, weights.value)
+        require(learned or pretrained, "source_weights", f"learned or pretrained {given}", weights)
+
+
+def check_algorithm(config: Config) -> None:
+    """Check that the algorithm can do what the method and demonstrations need."""
+    reads, method = reads_of(config.algorithm), config.method
+    if reads.is_on_policy:
+        allowed = "left out with an algorithm that learns from its own actions alone"
+        require(config.demonstrations is None, "demonstrations", allowed, config.demonstrations)
+        uses_function = method != "scratch" and forms()[method].uses_function
+        require(not uses_function, "method", "another with an algorithm that has no Q-values", method)
+    if reads.is_distilled:
+        allowed = "another with an algorithm that learns the Q-values of a teacher"
+        require(method != "q_reuse", "method", allowed, method)

@@ -1,8 +1,11 @@
-"""Errors of input: one line for people that names the key and what is allowed. No torch."""
+"""Lines for people: errors that name the key and what is allowed, and commands to paste. No torch."""
 
 from __future__ import annotations
 
+import re
+import shlex
 import sys
+from pathlib import Path
 
 from omegaconf.errors import OmegaConfBaseException
 
@@ -10,6 +13,8 @@ from ship_trl.config.paths import PACKAGE
 
 # Characters of an error; a longer one is shortened in the middle.
 MAX_LINE_LENGTH = 1000
+# What Hydra reads without quotes as the same text: no number in another spelling, and none of its words.
+PLAIN = re.compile(r"(?!(?:null|true|false|nan|inf)$)[a-z_/][\w./-]*|0|[1-9]\d*", re.ASCII | re.IGNORECASE)
 
 
 class ConfigError(Exception):
@@ -17,6 +22,12 @@ class ConfigError(Exception):
 
     def __str__(self) -> str:
         return one_line(super().__str__())
+
+
+def require(condition: bool, key: str, allowed: str, got: object) -> None:
+    """Raise a `ConfigError` that names `key`, what is `allowed` and what was given, if a condition fails."""
+    if not condition:
+        raise ConfigError(f"{key}: must be {allowed}, got {got}")
 
 
 def one_line(text: str) -> str:
@@ -32,12 +43,9 @@ def escape(text: str) -> str:
 
 
 def explain(error: OmegaConfBaseException) -> str:
-    """Explain an OmegaConf error in one line: the full key, then what is allowed there."""
+    """Explain an OmegaConf error in one line: the full key, then the reason."""
     key = error.full_key or str(error.key or "config")
-    lines = str(error.msg or error).strip().splitlines() or [type(error).__name__]
-    if "missing mandatory value" in lines[0].lower():
-        return f"{key}: missing; a value is needed"
-    return f"{key}: {lines[0]}"
+    return f"{key}: {str(error.msg or error).strip().partition(chr(10))[0]}"
 
 
 def missing_extra(package: str, extra: str) -> str:
@@ -51,3 +59,22 @@ def missing_extra(package: str, extra: str) -> str:
 def print_error(line: str) -> None:
     """Print an error on stderr as one line."""
     print(f"ship_trl: {one_line(line)}", file=sys.stderr)
+
+
+def command(*words: str | Path) -> str:
+    """Return the line of a shell that runs `python -m ship_trl` with the words; no path looks like a flag."""
+    safe = (
+        f"./{word}" if isinstance(word, Path) and re.match(r"-|[\w.]+=", str(word)) else str(word)
+        for word in words
+    )
+    return shlex.join(["python", "-m", "ship_trl", *safe])
+
+
+def override(key: str, value: object) -> str:
+    """Return the word `key=value` for Hydra, quoted where its grammar would read another text."""
+    text = str(value)
+    if not PLAIN.fullmatch(text):
+        # A backslash counts only before a quote, as the closing one.
+        text = re.sub(r"\\+(?='|\Z)", lambda found: 2 * found[0], text).replace("'", "\\'")
+        text = f"'{text}'"
+    return f"{key}={text}"

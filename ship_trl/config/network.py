@@ -6,8 +6,8 @@ from typing import Any, NamedTuple
 
 from omegaconf import OmegaConf
 
-from ship_trl.config.bounds import MAX_UNITS, OWN_NUMBERS, PICTURE, SHIP_NUMBERS
-from ship_trl.config.errors import ConfigError
+from ship_trl.config.bounds import OWN_NUMBERS, PICTURE, SHIP_NUMBERS
+from ship_trl.config.errors import require
 from ship_trl.config.paths import conf_dir
 from ship_trl.config.schema import read_as
 from ship_trl.config.types import Network, plain
@@ -43,38 +43,21 @@ def load_network(name: str = "paper") -> Network:
     return read_as(Network, OmegaConf.load(conf_dir() / "network" / f"{name}.yaml"))
 
 
-def check_layers(network: Network) -> None:
-    """Check that a network has conv layers and a hidden one, or linear layers alone.
-
-    Raises:
-        ConfigError: it has not.
-    """
-    if network.linear:
-        for key in ("conv", "hidden", "vector_time"):
-            if got := getattr(network, key):
-                raise ConfigError(f"network.{key}: must be left out beside network.linear, got {got}")
-        if not network.ships:
-            raise ConfigError("network.ships: must be at least 1 with network.linear, got 0")
-        if network.per_ship >= len(network.linear):
-            allowed = f"less than the {len(network.linear)} layers of network.linear"
-            raise ConfigError(f"network.per_ship: must be {allowed}, got {network.per_ship}")
-    elif not network.conv:
-        raise ConfigError("network.conv: must be at least one [filters, kernel, stride], got []")
-    elif not network.hidden:
-        raise ConfigError(f"network.hidden: must be from 1 to {MAX_UNITS}, got 0")
-    elif network.ships or network.per_ship:
-        key, got = ("ships", network.ships) if network.ships else ("per_ship", network.per_ship)
-        raise ConfigError(f"network.{key}: must be left out without network.linear, got {got}")
-
-
 def geometry(network: Network) -> Geometry:
     """Compute the input and output maps of the conv layers, from the picture on; a vector has none.
 
     Raises:
         ConfigError: a kernel is larger than its map, or the last one does not cover its map; or no network
-            has these keys.
+            has these keys: conv layers and a hidden one, or linear layers alone.
     """
-    check_layers(network)
+    given, own, others = "without network.linear", ("conv", "hidden"), ("ships", "per_ship")
+    if network.linear:
+        given, own, others = "with network.linear", ("ships",), ("conv", "hidden", "vector_time")
+        allowed = f"less than the {len(network.linear)} layers of network.linear"
+        require(network.per_ship < len(network.linear), "network.per_ship", allowed, network.per_ship)
+    for key in (*own, *others):
+        allowed, got = "given" if key in own else "left out", getattr(network, key)
+        require(bool(got) == (key in own), f"network.{key}", f"{allowed} {given}", got)
     layers: list[ConvLayer] = []
     side = PICTURE
     for n, (filters, kernel, stride) in enumerate(network.conv):
@@ -82,7 +65,7 @@ def geometry(network: Network) -> Geometry:
         is_last = n == len(network.conv) - 1
         if kernel > side or (is_last and not layer.whole):
             allowed = f"{side}, to cover the last map" if is_last else f"at most {side}, the side of its map"
-            raise ConfigError(f"network.conv[{n}]: the kernel must be {allowed}, got {kernel}")
+            require(False, f"network.conv[{n}][1]", allowed, kernel)
         layers.append(layer)
         side = layer.side
     return tuple(layers)

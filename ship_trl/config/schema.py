@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import dataclasses
 import json
+import re
 import types
 import typing
 from collections.abc import Callable
@@ -24,18 +25,6 @@ from ship_trl.config.errors import ConfigError, explain
 T = TypeVar("T")
 # The largest integer that torch and the files of a run can hold.
 MAX_INTEGER = 2**63 - 1
-UNIONS = (typing.Union, types.UnionType)
-NAMES = {"ge": "at least", "gt": "above", "le": "at most"}
-# What is allowed, by how the types of pydantic's errors begin.
-ALLOWED = {
-    "finite": "a finite number",
-    "float": "a finite number",
-    "int": "a whole number",
-    "bool": "true or false",
-    "string": "plain text",
-    "list": "a list, as [A,B] or []",
-    "dict": "a group",
-}
 # Names in files are often numbers, as cases are; infinity and NaN are no values.
 READING = ConfigDict(coerce_numbers_to_str=True, allow_inf_nan=False)
 
@@ -69,19 +58,17 @@ def read_as(hint: type[T], values: object, where: str = "", *, key: str = "", fr
             values = OmegaConf.to_container(values, resolve=True, throw_on_missing=True)
         except OmegaConfBaseException as error:
             raise ConfigError(where + explain(error)) from None
-    if not from_json and (wrong := bool_for_number(hint, values)):
-        raise ConfigError(where + explain_invalid(hint, key, wrong, show))
     kind: Any = hint
-    adapter = adapter_of(kind)
     try:
         if from_json:
             # Strict about Python's values, pydantic takes no dict for a dataclass; of JSON it does.
-            found = adapter.validate_json(json.dumps([values]), strict=True, extra="ignore")
+            found = adapter_of(kind).validate_json(json.dumps([values]), strict=True, extra="ignore")
+        elif wrong := bool_for_number(hint, values):
+            raise ConfigError(where + explain_invalid(hint, key, wrong))
         else:
-            found = adapter.validate_python([values], extra="forbid")
+            found = adapter_of(kind).validate_python([values], extra="forbid")
     except ValidationError as error:
-        line = explain_invalid(hint, key, error.errors()[0], json.dumps if from_json else show)
-        raise ConfigError(where + line) from None
+        raise ConfigError(where + explain_invalid(hint, key, error.errors()[0])) from None
     return found[0]
 
 
@@ -95,76 +82,49 @@ def adapter_of(hint: Any) -> TypeAdapter[Any]:
 def bool_for_number(hint: Any, values: Any, path: tuple[Any, ...] = ()) -> dict[str, Any] | None:
     """Return an error as pydantic's for the first true or false where a number belongs: it reads 1 or 0."""
     if isinstance(values, bool):
-        kind = unwrap(hint_at(hint, path), *UNIONS, Annotated)
-        is_number = kind in (int, float)
-        return {"loc": (0, *path), "type": f"{kind.__name__}_type", "input": values} if is_number else None
+        is_number = unwrap(hint_at(hint, path)) in (int, float)
+        return {"loc": (0, *path), "type": "bool", "msg": "a number", "input": values} if is_number else None
     lists = enumerate(values if isinstance(values, list) else ())
     within = values.items() if isinstance(values, dict) else lists
     found = (bool_for_number(hint, value, (*path, part)) for part, value in within)
     return next((error for error in found if error), None)
 
 
-def explain_invalid(hint: Any, key: str, error: Any, show: Callable[[Any], str]) -> str:
+def explain_invalid(hint: Any, key: str, error: Any) -> str:
     """Explain an error of pydantic in one line: the full key, then what is allowed."""
     # The first place is that in the list of one.
-    path = error["loc"][1:]
+    path, got = error["loc"][1:], error["input"]
     name = "".join(f"[{part}]" if isinstance(part, int) else f".{part}" for part in path)
     name = (key + name).lstrip(".")
-    kind, got = error["type"], error["input"]
-    if kind == "missing" or got == "???":
+    if error["type"] == "missing":
         return f"{name}: missing; a value is needed"
-    if kind == "unexpected_keyword_argument":
+    if error["type"] == "unexpected_keyword_argument":
         return f"{name}: unknown key; allowed here: {', '.join(keys_at(hint, path[:-1])) or 'none'}"
-    context = error.get("ctx", {})
-    if kind == "dataclass_type":
+    allowed = re.sub(r"^Input should be |, (unable to|got a) .*", "", error["msg"])
+    if error["type"] == "dataclass_type":
         allowed = f"a group of {', '.join(keys_at(hint, path))}"
-    elif kind == "enum":
-        allowed = f"one of {context['expected'].replace(' or ', ', ')}".replace("'", "")
-    elif kind.startswith(("greater", "less")) and (bounds := bounds_of(hint_at(hint, path), kind)):
-        allowed = bounds
-    else:
-        allowed = ALLOWED.get(kind.split("_")[0]) or str(error["msg"]).removeprefix("Input should be ")
-    return f"{name}: must be {allowed}, got {show(got)}".removeprefix(": ")
+    return f"{name}: must be {allowed}, got {json.dumps(got, default=str)}".removeprefix(": ")
 
 
-def bounds_of(hint: Any, kind: str) -> str:
-    """Describe the bounds of a number, as "from 0 to 1" or "above 0"; `kind` is of pydantic's error."""
-    rules = [rule for field in typing.get_args(hint)[1:] for rule in getattr(field, "metadata", ())]
-    found = {name: getattr(rule, name) for rule in rules for name in NAMES if hasattr(rule, name)}
-    if found.get("le") == MAX_INTEGER and kind.startswith("greater"):
-        del found["le"]
-    words = {name: str(end) if isinstance(end, int) else f"{end:g}" for name, end in found.items()}
-    if found.keys() == {"ge", "le"}:
-        return f"from {words['ge']} to {words['le']}"
-    return " and ".join(f"{NAMES[name]} {end}" for name, end in words.items())
-
-
-def hint_at(hint: Any, path: tuple[Any, ...] = ()) -> Any:
-    """Return the type at a path of keys and indices in a type; of `X | None` it is X."""
+def hint_at(hint: Any, path: tuple[Any, ...]) -> Any:
+    """Return the type at a path of keys and indices in a type."""
     for part in path:
-        group = unwrap(hint, *UNIONS, Annotated)
+        group = unwrap(hint)
         if dataclasses.is_dataclass(group):
             hint = typing.get_type_hints(group, include_extras=True).get(part)
         else:
             hint = (typing.get_args(group) or (None,))[-1]
-    return unwrap(hint, *UNIONS)
+    return hint
 
 
-def unwrap(hint: Any, *origins: Any) -> Any:
-    """Return the first type inside unions or bounds."""
-    while typing.get_origin(hint) in origins:
+def unwrap(hint: Any) -> Any:
+    """Return the type inside bounds; of `X | None` it is X."""
+    while typing.get_origin(hint) in (typing.Union, types.UnionType, Annotated):
         hint = typing.get_args(hint)[0]
     return hint
 
 
 def keys_at(hint: Any, path: tuple[Any, ...] = ()) -> list[str]:
     """List the keys of a dataclass, or of the group at a path in it."""
-    group = hint_at(hint, path)
+    group = unwrap(hint_at(hint, path))
     return [field.name for field in dataclasses.fields(group)] if dataclasses.is_dataclass(group) else []
-
-
-def show(value: object) -> str:
-    """Return a value as YAML writes it."""
-    if value is None or value == "" or isinstance(value, bool):
-        return {None: "null", "": "''", True: "true", False: "false"}[value]
-    return str(value)

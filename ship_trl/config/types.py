@@ -9,28 +9,35 @@ import dataclasses
 import os
 from dataclasses import dataclass, field
 from enum import StrEnum
-from typing import Annotated, Any
+from typing import TYPE_CHECKING, Annotated, Any
 
 from omegaconf import OmegaConf
 from pydantic import Field
 
-from ship_trl.config.arm import Arm, SourceWeights, TransferMethodName
+from ship_trl.config.arm import Arm, MethodName, SourceWeights, forms
 from ship_trl.config.bounds import (
+    MAX_BATCH,
     MAX_COUNT,
     MAX_DRAWS,
     MAX_HUBER_DELTA,
+    MAX_REPLAY,
     MAX_SHIPS,
+    MAX_STEP_SECONDS,
+    MAX_STEPS,
     MAX_UNITS,
+    MIN_STEP_SECONDS,
     OWN_NUMBERS,
     SHIP_NUMBERS,
+    Actions,
     Bound,
+    Coefficient,
     ConvNumbers,
     Count,
     Device,
     FolderName,
     LearningRate,
+    Metres,
     PathName,
-    Positive,
     PositiveShare,
     Range,
     RewardScale,
@@ -42,9 +49,6 @@ from ship_trl.config.bounds import (
 from ship_trl.config.errors import ConfigError
 from ship_trl.config.paths import PACKAGE, stem
 from ship_trl.config.schema import rule
-from ship_trl.config.transfer import Transfer
-from ship_trl.config.world import Reward as Reward
-from ship_trl.config.world import World
 
 # Environment variable, `on` or `off`: whether learn.precision=auto may choose bf16.
 BFLOAT16 = "SHIP_TRL_BFLOAT16"
@@ -63,6 +67,7 @@ def trackers_of(logger: str) -> list[str]:
     return ["csv", *(name for name in others if name != "wandb" or not is_disabled)]
 
 
+BatchSize = Annotated[int, Field(ge=1, le=MAX_BATCH)]
 Loss = StrEnum("Loss", ["l2", "huber"])
 # What the rules ask of own ship towards a target ship: keep clear of it, or hold its course.
 EncounterClass = StrEnum("EncounterClass", ["head_on", "give_way", "stand_on", "overtaking", "overtaken"])
@@ -83,6 +88,57 @@ def bfloat16_allowed() -> bool:
     if value not in ("on", "off"):
         raise ConfigError(f"{BFLOAT16}: must be on or off, got {value}")
     return value == "on"
+
+
+@dataclass
+class Reward:
+    """Constants of equations 4 to 6."""
+
+    goal: Coefficient
+    collision: Coefficient
+    w1: Coefficient
+    w2: Coefficient
+    w3: Coefficient
+    w4: Coefficient
+    k1: Coefficient
+    k2: Coefficient
+
+
+@dataclass(frozen=True)
+class GiveWay:
+    """When and how sharply a target ship gives way, if that is its behaviour (`sim.transition.give_way`).
+
+    It gives way to own ship if they would pass at less than `dcpa` metres in at most `tcpa` seconds, and
+    turns at `turn` rad/s.
+    """
+
+    tcpa: Seconds = 20.0
+    dcpa: Bound = 90.0
+    turn: Annotated[float, Field(ge=0, le=1)] = 0.05
+
+
+@dataclass
+class World:
+    """The physics shared by all cases (sections 3.1 and 3.3); the defaults are the paper's.
+
+    `turn_time` and `speed_time` are the time constants with which own ship's yaw rate and speed follow an
+    action; 0 is at once.
+    """
+
+    dt: Annotated[float, Field(ge=MIN_STEP_SECONDS, le=MAX_STEP_SECONDS)]
+    max_steps: Annotated[int, Field(ge=1, le=MAX_STEPS)]
+    safe_distance: Metres
+    goal_distance: Metres
+    actions: Actions
+    reward: Reward
+    turn_time: Seconds = 0.0
+    speed_time: Seconds = 0.0
+    give_way: GiveWay = GiveWay()
+
+    @property
+    def straight_action(self) -> int:
+        """Index of the action that turns least; of several, the fastest."""
+        return min(range(len(self.actions)), key=lambda k: (abs(self.actions[k][1]), -self.actions[k][0]))
 
 
 @dataclass(frozen=True)
@@ -159,13 +215,26 @@ class Network:
 
 
 @dataclass
-class Updates:
-    """How a network is updated (section 3.2), and how its conv layers are computed."""
+class Learn:
+    """Training, as a file of conf/recipe sets it (sections 3.2 and 4.2), and how layers are computed.
 
+    Epsilon is annealed over the share `epsilon_fraction` of the episodes.
+    """
+
+    episodes: Count
+    num_envs: BatchSize
+    evaluate_every: Count
+    evaluate_episodes: Annotated[int, Field(ge=1, le=MAX_DRAWS)]
+    jumpstart_draws: Annotated[int, Field(ge=0, le=MAX_DRAWS)]
+    replay_size: Annotated[int, Field(ge=1, le=MAX_REPLAY)]
+    warmup_steps: Annotated[int, Field(ge=0, le=MAX_COUNT)]
+    epsilon_start: Share
+    epsilon_end: Share
+    epsilon_fraction: PositiveShare
     gamma: Share
     lr: LearningRate
     lr_end: LearningRate
-    batch_size: Positive
+    batch_size: BatchSize
     update_every: Count
     tau: PositiveShare
     loss: Loss
@@ -173,39 +242,6 @@ class Updates:
     reward_scale: RewardScale
     precision: Precision
     backend: BackendName
-
-
-@dataclass
-class Replay:
-    """The transitions that batches are drawn from."""
-
-    replay_size: Positive
-    warmup_steps: Annotated[int, Field(ge=0, le=MAX_COUNT)]
-
-
-@dataclass
-class Exploration:
-    """Epsilon, annealed over a share of the episodes (section 4.2)."""
-
-    epsilon_start: Share
-    epsilon_end: Share
-    epsilon_fraction: PositiveShare
-
-
-@dataclass
-class Schedule:
-    """How long a run trains, in how many environments, and when it is evaluated."""
-
-    episodes: Count
-    num_envs: Positive
-    evaluate_every: Count
-    evaluate_episodes: Annotated[int, Field(ge=1, le=MAX_DRAWS)]
-    jumpstart_draws: Annotated[int, Field(ge=0, le=MAX_DRAWS)]
-
-
-@dataclass
-class Learn(Updates, Exploration, Replay, Schedule):
-    """Training: what a file of conf/recipe sets, and how layers are computed."""
 
 
 @dataclass
@@ -233,6 +269,16 @@ class Wandb:
     group: str | None
 
 
+if TYPE_CHECKING:
+    Transfer = Any
+else:
+    # The settings of each method of transfer that has some, as its file declares them.
+    _settings = [(name, form.settings) for name, form in forms().items() if form.settings]
+    Transfer = dataclasses.make_dataclass(
+        "Transfer", [(name, kind, field(default_factory=kind)) for name, kind in _settings], frozen=True
+    )
+
+
 @dataclass
 class Config:
     """One run: an arm on a pair of cases or suites with a seed."""
@@ -243,7 +289,7 @@ class Config:
     source_file: PathName | None
     source_weights: SourceWeights
     demonstrations: PathName | None
-    method: TransferMethodName
+    method: MethodName
     layers: Any
     seed: Seed
     device: Device
@@ -259,7 +305,7 @@ class Config:
     world: World
     network: Network
     learn: Learn
-    # `build` names the function that makes the learner; the rest are its own keys (algorithm.py).
+    # `build` names the function that makes the learner; the rest are its own keys (checks.py).
     algorithm: dict[str, Any]
     checkpoint: Checkpoint
     wandb: Wandb
@@ -275,7 +321,7 @@ class Config:
     @property
     def arm_label(self) -> str:
         """Name of the arm in folders and results, with a suffix if the run begins with demonstrations."""
-        return self.arm.label(demonstrations=self.demonstrations is not None)
+        return self.arm.name if self.demonstrations is None else f"{self.arm.name}-demonstrations"
 
     def with_arm(self, arm: Arm) -> Config:
         """Return the configuration with another arm; from scratch it has no source."""
@@ -294,3 +340,12 @@ class Config:
 def plain(values: Any) -> Any:
     """Return a config object as dicts, lists and single values, for JSON, YAML and wandb."""
     return OmegaConf.to_container(OmegaConf.structured(values), enum_to_str=True)
+
+
+def world_values(world: World) -> dict[str, Any]:
+    """Return a world as plain values for a digest.
+
+    Keys that came later are left out at their default, so that digests of older worlds stay the same.
+    """
+    defaults = {one.name: one.default for one in dataclasses.fields(World)}
+    return {key: value for key, value in plain(world).items() if getattr(world, key) != defaults[key]}

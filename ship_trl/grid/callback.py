@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import contextlib
 import os
 import secrets
 import sys
@@ -18,11 +17,9 @@ from hydra.errors import HydraException
 from hydra.experimental.callback import Callback
 from omegaconf import DictConfig, OmegaConf, open_dict, read_write
 from omegaconf.errors import OmegaConfBaseException
-from yaml import YAMLError
 
 from ship_trl.config.checks import to_config
 from ship_trl.config.errors import ConfigError, one_line, print_error
-from ship_trl.config.paths import conf_dir
 from ship_trl.config.types import Objective
 from ship_trl.files.curve import RunError
 from ship_trl.files.record import RunRecord
@@ -31,7 +28,6 @@ from ship_trl.grid.launchers import GRID, check_slurm, install_signal_handlers
 from ship_trl.run.plan import Run, TakenError, make_run
 
 TOKEN, TOKEN_PATH, MODE = "RAY_AUTH_TOKEN", "RAY_AUTH_TOKEN_PATH", "RAY_AUTH_MODE"
-RAY = "hydra_plugins.hydra_ray_launcher"
 # File that Hydra's sweepers write.
 RESULTS = "optimization_results.yaml"
 
@@ -60,20 +56,19 @@ class Grid(Callback):
         if count := OmegaConf.select(config.hydra.sweeper, "n_trials") or len(list_runs(config)):
             os.environ[GRID] = str(count)
         launcher = config.hydra.launcher
-        if str(launcher.get("_target_")).startswith(RAY):
+        if "hydra_ray_launcher" in str(launcher.get("_target_")):
             close_token(own_cluster=OmegaConf.select(launcher, "ray.init.address") in (None, "local"))
 
     def on_multirun_end(self, config: DictConfig, **kwargs: Any) -> None:
         """Print the best trial, if the sweeper names one: with several objectives there is none."""
         path = Path(config.hydra.sweep.dir) / RESULTS
-        if is_basic(config):
+        if is_basic(config) or not path.is_file():
             return
-        with contextlib.suppress(OSError, YAMLError, KeyError, TypeError, ValueError):
-            found: Any = read_yaml(path)
-            params, value = dict(found["best_params"]), float(found["best_value"])
-            words = " ".join(f"{key}={given}" for key, given in params.items())
-            line = one_line(f"best trial: {words}, {config.objective} {value:.1f}; {path}")
-            sys.stdout.write(f"{line}\n")
+        found: Any = read_yaml(path)
+        if "best_params" in found:
+            words = " ".join(f"{key}={given}" for key, given in found["best_params"].items())
+            line = f"best trial: {words}, {config.objective} {found['best_value']:.1f}; {path}"
+            sys.stdout.write(f"{one_line(line)}\n")
 
 
 def check(config: DictConfig) -> None:
@@ -101,27 +96,18 @@ def check(config: DictConfig) -> None:
             every = list(runs.values())
             differ = every[0].union(*every) - every[0].intersection(*every)
             keys = sorted({word.split("=")[0].lstrip("+") for word in differ})
-            raise ConfigError(describe_shared(folder, keys))
+            how = f"'output=outputs/{'-'.join(f'${{{key}}}' for key in keys)}', or a grid for each value"
+            raise ConfigError(
+                f"output: runs that differ in {' and '.join(keys)} would share {folder}; allowed: {how}"
+            )
 
 
 def check_repeated(words: Any) -> None:
     """Refuse a key that is given twice: Hydra would take the last one, and drop the values of a grid."""
-    given: dict[str, str] = {}
-    for word in words:
-        key = word.partition("=")[0].lstrip("+")
-        if key in given:
-            raise ConfigError(f"{key}: given twice, as {given[key]} and {word}; allowed: once in a grid")
-        given[key] = word
-
-
-def describe_shared(folder: Path, keys: Sequence[str]) -> str:
-    """Return the message that runs which differ in `keys` share a folder, and how each run gets its own."""
-    groups = {path.name for path in conf_dir().iterdir() if path.is_dir()}
-    how = f"'output=outputs/{'-'.join(f'${{{key}}}' for key in keys)}'"
-    if groups & set(keys):
-        # These keys choose config groups. The name of the output folder cannot contain them.
-        how = "a grid for each value, with its own output=FOLDER"
-    return f"output: runs that differ in {' and '.join(keys)} would share {folder}; allowed: {how}"
+    keys = [word.partition("=")[0].lstrip("+") for word in words]
+    for key in keys:
+        if keys.count(key) > 1:
+            raise ConfigError(f"{key}: given twice; allowed: once in a grid")
 
 
 def is_basic(config: DictConfig) -> bool:

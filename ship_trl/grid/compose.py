@@ -7,46 +7,39 @@ from __future__ import annotations
 
 import copy
 import re
-import typing
-from collections.abc import Iterable, Iterator
-from contextlib import contextmanager
-from dataclasses import is_dataclass
-from functools import cache
+from collections.abc import Iterable
 from typing import Any
 
 from hydra import compose, initialize_config_dir
 from hydra._internal import hydra as hydra_parts
 from hydra._internal.config_loader_impl import ConfigLoaderImpl
 from hydra.core.global_hydra import GlobalHydra
-from hydra.errors import HydraException
-from omegaconf import DictConfig, _utils
+from hydra.errors import HydraException, OverrideParseException
+from omegaconf import DictConfig
 from omegaconf.errors import OmegaConfBaseException
 
-from ship_trl.config.arm import ARM_NAMES, Arm
+from ship_trl.config.arm import Arm, arm_names
 from ship_trl.config.checks import to_config
 from ship_trl.config.errors import ConfigError, missing_extra
 from ship_trl.config.paths import conf_dir, group_names
 from ship_trl.config.schema import keys_at
 from ship_trl.config.types import Config
-from ship_trl.files.untrusted import LOADER
 from ship_trl.sim.cases import profile_of
 
 # That of conf/config.yaml.
 DEFAULT_PROFILE = "quick"
-# Keys of text that `Config` does not know.
-TEXT_KEYS = ("algorithm.teacher", "hydra.sweep.dir")
+# Values of other keys without a dot, and of these with one, are text: names, paths, options of groups.
+NOT_TEXT = ("seed", "layers", "fast", "colour", "overwrite")
+TEXT = (
+    *("algorithm.teacher", "hydra.sweep.dir"),
+    *("wandb.project", "wandb.entity", "wandb.folder", "wandb.group"),
+)
 # One name of an arm, not a list of them.
 NAME_OF_ARM = re.compile(r"[\w-]+")
 # Functions of Hydra's grammar whose arguments are numbers.
 NUMERIC = re.compile(r"\b(range|interval|int|float|bool|json_str|sort)\s*\(")
-
 # The extra that installs each plugin of Hydra.
 EXTRAS = {"optuna": "optuna", "submitit_slurm": "slurm", "submitit_local": "slurm"}
-# How a message of Hydra's parser of overrides begins.
-GRAMMAR = (
-    "mismatched input|token recognition error|no viable alternative|extraneous input|missing "
-    "|LexerNoViableAltException"
-)
 
 
 class Loader(ConfigLoaderImpl):
@@ -58,19 +51,18 @@ class Loader(ConfigLoaderImpl):
     def load_configuration(
         self, config_name: str | None, overrides: list[str], *flags: Any, **options: Any
     ) -> DictConfig:
-        """Compose a configuration; `quote_text`, `expand_arms` and `missing_profile` add to Hydra's words.
+        """Compose a configuration; `read_word`, `expand_arms` and `missing_profile` add to Hydra's words.
 
         Hydra composes a single run twice, first to learn that it is one: the second time is a copy.
         """
-        words = expand_arms(quote_text(word) for word in overrides)
+        words = expand_arms(map(read_word, overrides))
         composed: dict[tuple[str, ...], DictConfig] = vars(self).setdefault("composed", {})
         if (known := composed.get(tuple(words))) is not None:
             return copy.deepcopy(known)
-        with decimal_numbers():
-            values = super().load_configuration(config_name, words, *flags, **options)
-            if profile := missing_profile(values, words):
-                given = [*words, f"profile={profile}"]
-                values = super().load_configuration(config_name, given, *flags, **options)
+        values = super().load_configuration(config_name, words, *flags, **options)
+        if profile := missing_profile(values, words):
+            given = [*words, f"profile={profile}"]
+            values = super().load_configuration(config_name, given, *flags, **options)
         if not any("," in word or "(" in word for word in words):
             composed[tuple(words)] = copy.deepcopy(values)
         return values
@@ -124,17 +116,6 @@ def expand_arms(words: Iterable[str]) -> list[str]:
     return [*(f"{key}={value}" for key, value in settings), *found]
 
 
-@contextmanager
-def decimal_numbers() -> Iterator[None]:
-    """Let OmegaConf read YAML as `read_yaml` does."""
-    before = _utils.get_yaml_loader
-    _utils.get_yaml_loader = lambda: LOADER
-    try:
-        yield
-    finally:
-        _utils.get_yaml_loader = before
-
-
 def missing_profile(values: DictConfig, words: list[str]) -> str:
     """Return the profile that the suite of target or source asks for, empty if none or if one is given."""
     is_given = any(word.lstrip("+").startswith("profile=") for word in words)
@@ -148,12 +129,19 @@ def missing_profile(values: DictConfig, words: list[str]) -> str:
         return ""
 
 
-def quote_text(word: str) -> str:
-    """Quote values of a key of text that Hydra would read as numbers, as in `output=2024_05_01,1e3`."""
+def read_word(word: str) -> str:
+    """Quote text that Hydra would read as numbers, as in `output=2024_05_01,1e3`.
+
+    Unknown keys of `algorithm` pass: its own check names those that are allowed.
+    """
     key, equals, value = word.partition("=")
+    name = key.lstrip("+").partition("@")[0]
+    if key.startswith("algorithm.") and equals:
+        key = f"++{key}"
+    is_text = name in TEXT or "/" in name or ("." not in name and name not in NOT_TEXT)
     # A value with quotes, brackets or an interpolation is as its author wants it.
-    if set(value) & set("'\"[{$") or not is_text(key.lstrip("+").partition("@")[0]) or NUMERIC.search(value):
-        return word
+    if not is_text or set(value) & set("'\"[{$") or NUMERIC.search(value):
+        return key + equals + value
     return key + equals + re.sub(r"[^\s,()]+", lambda found: quote(found[0]), value)
 
 
@@ -166,56 +154,27 @@ def quote(word: str) -> str:
     return f"'{word}'"
 
 
-@cache
-def is_text(key: str) -> bool:
-    """Return whether the values of a key are text: names, paths, and options of config groups."""
-    if key in TEXT_KEYS or "/" in key:
-        return True
-    hint: Any = Config
-    *groups, last = key.split(".")
-    for group in groups:
-        hint = typing.get_type_hints(hint).get(group) if is_dataclass(hint) else None
-    hints = typing.get_type_hints(hint) if is_dataclass(hint) else {}
-    if last not in hints:
-        # A group outside conf/config.yaml, such as `+experiment=NAME`.
-        return not groups
-    # A dataclass, or the dict `algorithm`, is a config group.
-    return hints[last] is str or str in typing.get_args(hints[last]) or is_dataclass(hints[last])
-
-
 def explain_hydra(error: Exception) -> str:
     """Explain an error of Hydra in one line: the key, then what is allowed."""
     text = str(error)
-    if found := re.match(r"(?:In '.*?': )?Could not find '([\w-]+)/(.*?)'", text):
+    if found := re.match(r"(?:In '.*?': )?Could not find '([\w/-]+?)/([^/']*)'", text):
         group, name = found.groups()
-        if group == "hydra":
-            kind, _, name = name.partition("/")
-            group = f"hydra/{kind}"
         if name in EXTRAS:
             return f"{group}: {missing_extra(name, EXTRAS[name])}"
-        allowed = ARM_NAMES if group == "arm" else group_names(group)
-        return f"{group}: no {name}" + (f"; allowed: {allowed}" if allowed else "")
+        return f"{group}: no {name}; allowed: {arm_names() if group == 'arm' else group_names(group)}"
     if found := re.match(
         r"Could not (?:override|append to config|delete from config)[^']*'?([\w.@/-]+)", text
     ):
-        key = found.group(1).rstrip(".")
+        key = found[1].rstrip(".")
         if key in ("suite", "case"):
             return f"{key}: unknown key; write target=NAME; allowed: {group_names(key)}"
         if (conf_dir() / key).is_dir():
             return f"{key}: write +{key}=NAME; allowed: {group_names(key)}"
-        return f"{key}: {allowed_keys(key)}"
+        path = key.split(".")[:-1]
+        while not (known := keys_at(Config, tuple(path))):
+            path.pop()
+        return f"{key}: unknown key; allowed here: {', '.join(known)}"
     text = " ".join(text.partition("\nSee https://hydra.cc")[0].split())
-    if re.match(GRAMMAR, text):
-        # A value with characters of Hydra's grammar, as seed=0 in a path.
-        return f"overrides: {text}; quote such a value twice: \"KEY='VALUE'\""
-    return f"overrides: {text}"
-
-
-def allowed_keys(key: str) -> str:
-    """List the keys that are allowed where an unknown `key` was given."""
-    if key.startswith("algorithm."):
-        return "unknown key of this algorithm; allowed: those of its files in conf/algorithm and conf/recipe"
-    path = key.split(".")[:-1]
-    while not (known := keys_at(Config, tuple(path))):
-        path.pop()
-    return f"unknown key; allowed here: {', '.join(known)}"
+    # A value with characters of Hydra's grammar, as seed=0 in a path.
+    hint = "; quote such a value twice: \"KEY='VALUE'\"" if isinstance(error, OverrideParseException) else ""
+    return f"overrides: {text}{hint}"

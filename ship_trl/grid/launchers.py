@@ -24,11 +24,6 @@ JOBLIB = "LokyProcess"
 PR_SET_PDEATHSIG = 1
 
 
-def mark_launcher() -> None:
-    """Set the environment variable that marks this process as the launcher of a grid."""
-    os.environ[LAUNCHER] = str(os.getpid())
-
-
 def install_signal_handlers() -> None:
     """On Ctrl-C and SIGTERM, give the processes of a grid time to write their checkpoints.
 
@@ -44,7 +39,7 @@ def install_signal_handlers() -> None:
 
     def forward(number: int, _: object) -> None:
         signal.signal(signal.SIGTERM, signal.SIG_IGN)
-        for child in children():
+        for child in child_processes():
             with contextlib.suppress(ProcessLookupError):
                 os.kill(child, number)
         time.sleep(2 * TIME_TO_STOP)
@@ -56,7 +51,7 @@ def install_signal_handlers() -> None:
         signal.signal(signal.SIGTERM, forward)
 
 
-def children() -> list[int]:
+def child_processes() -> list[int]:
     """List the child processes; empty on systems without /proc."""
     try:
         words = [path.read_text() for path in Path("/proc/self/task").glob("*/children")]
@@ -82,11 +77,6 @@ def die_with_parent() -> None:
     """In a child process: end when the parent ends for any reason; on Linux only."""
     with contextlib.suppress(AttributeError, OSError, TypeError):
         ctypes.CDLL(None).prctl(PR_SET_PDEATHSIG, signal.SIGTERM)
-
-
-def place_in_grid(number: int) -> str:
-    """Return the place of a run in its grid, such as `3 of 40`; `number` counts from 0."""
-    return f"{number + 1} of {os.environ.get(GRID, '?')}"
 
 
 def check_slurm(launcher: str, key: str) -> None:

@@ -15,10 +15,11 @@ from typing import Any
 
 import torch
 from tensordict import TensorDictBase
-from torch import Generator, Tensor, nn
+from torch import Generator, Tensor
 
 from ship_trl.config.imports import import_function, name_in_errors
 from ship_trl.config.types import Learn
+from ship_trl.learn.hooks import LearningHooks
 from ship_trl.learn.network import Dense, Draw, DuelingNetwork, MakeBackend, make_backend
 from ship_trl.learn.optimiser import ChannelsLastAdam, learning_groups
 from ship_trl.learn.rollout import Policy, greedy_policy
@@ -29,35 +30,6 @@ Teacher = Callable[[Tensor], Tensor]
 
 class DivergedError(Exception):
     """A loss, weight or output is not finite."""
-
-
-class LearningHooks:
-    """What a method of transfer asks of an algorithm while it learns: from scratch, nothing."""
-
-    def frozen_layers(self, progress: float) -> int:
-        """Return how many layers, counted from the input, do not learn at a share of the episodes."""
-        return 0
-
-    def rate_factor(self, layer: str) -> float:
-        """Return the factor of the learning rate of a layer of the network."""
-        return 1.0
-
-    def penalty(self, network: nn.Module, batch: TensorDictBase) -> Tensor | None:
-        """Return what is added to the loss of a batch, or None for nothing."""
-        return None
-
-    def act(self, step: TensorDictBase, progress: float) -> None:
-        """Change `action` [N] of a step, which the exploring policy has chosen; `progress` as above."""
-
-    def observe(self, step: TensorDictBase) -> None:
-        """Take note of a step [N] of the environment, with `action` and `next`."""
-
-    def state_dict(self) -> dict[str, Tensor]:
-        """Return what a checkpoint needs to go on with the same bits; tensors are not copied."""
-        return {}
-
-    def load_state_dict(self, state: Mapping[str, Tensor]) -> None:
-        """Load what `state_dict` returned."""
 
 
 @dataclass(frozen=True)

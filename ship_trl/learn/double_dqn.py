@@ -9,7 +9,8 @@ import torch
 from tensordict import NestedKey, TensorDictBase
 from torch import Tensor
 
-from ship_trl.learn.algorithm import Algorithm, LearningHooks, Setup, add_prefix, epsilon_at, strip_prefix
+from ship_trl.learn.algorithm import Algorithm, Setup, add_prefix, epsilon_at, strip_prefix
+from ship_trl.learn.hooks import LearningHooks
 from ship_trl.learn.network import Dense, Draw, DuelingNetwork
 from ship_trl.learn.q_learning import double_dqn_loss, read_batch, update
 from ship_trl.learn.replay import DrawPixels, StateReplay, make_batch

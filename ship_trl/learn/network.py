@@ -18,7 +18,7 @@ from ship_trl.config.network import (
     load_network,
     supports_incremental,
 )
-from ship_trl.config.types import BackendName, Network, Precision, Updates, bfloat16_allowed
+from ship_trl.config.types import BackendName, Learn, Network, Precision, bfloat16_allowed
 
 # Maps states [..., S] to the network's input: uint8 [..., C, 84, 84], or float32 [..., F].
 Draw = Callable[[Tensor], Tensor]
@@ -68,7 +68,7 @@ class Dense:
 
 
 def make_backend(
-    network: DuelingNetwork, draw: Draw, learn: Updates, incremental: MakeBackend | None
+    network: DuelingNetwork, draw: Draw, learn: Learn, incremental: MakeBackend | None
 ) -> Backend:
     """Make the backend that the settings ask for; `auto` means the fastest one that supports the network."""
     device = network.advantage.weight.device

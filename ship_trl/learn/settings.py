@@ -10,8 +10,8 @@ from typing import Annotated, Any
 
 from pydantic import Field
 
-from ship_trl.config.algorithm import Reads
 from ship_trl.config.bounds import MAX_STEPS, Count, PositiveShare, Share
+from ship_trl.config.checks import Reads
 from ship_trl.config.errors import ConfigError
 from ship_trl.config.paths import is_path
 from ship_trl.config.schema import rule
@@ -90,7 +90,6 @@ READS = {
     "ppo": Reads(
         PPO,
         is_on_policy=True,
-        batch_key="minibatch_size",
         ignored=(
             *("learn.batch_size", "learn.update_every", "learn.tau", "learn.loss", "learn.huber_delta"),
             *("learn.replay_size", "learn.warmup_steps"),

@@ -10,7 +10,7 @@ import torch
 from tensordict import TensorDict, TensorDictBase
 from torchrl.envs import EnvBase
 
-from ship_trl.config.types import Schedule
+from ship_trl.config.types import Learn
 from ship_trl.learn.algorithm import Algorithm, DivergedError, add_prefix, strip_prefix
 from ship_trl.learn.rollout import Episode, mean_return, outcome, rollout
 
@@ -59,7 +59,7 @@ class Training:
         learn: how many episodes, and how many between two evaluations.
     """
 
-    def __init__(self, env: EnvBase, eval_env: EnvBase, algorithm: Algorithm, learn: Schedule) -> None:
+    def __init__(self, env: EnvBase, eval_env: EnvBase, algorithm: Algorithm, learn: Learn) -> None:
         self._env, self._eval_env, self._learn = env, eval_env, learn
         self.algorithm = algorithm
         self.episode = self.steps = 0
@@ -177,7 +177,7 @@ class Training:
 
 
 def train(
-    env: EnvBase, eval_env: EnvBase, algorithm: Algorithm, learn: Schedule
+    env: EnvBase, eval_env: EnvBase, algorithm: Algorithm, learn: Learn
 ) -> Iterator[Finished | Evaluated]:
     """Train from the first episode to the last, and yield the events; see `Training`.
 

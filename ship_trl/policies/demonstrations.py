@@ -18,8 +18,7 @@ from pydantic import Field
 
 from ship_trl.config.errors import ConfigError
 from ship_trl.config.schema import read_as, rule
-from ship_trl.config.types import World
-from ship_trl.config.world import world_values
+from ship_trl.config.types import World, world_values
 from ship_trl.files.disk import atomic_write, read_json
 from ship_trl.sim.cases import Case
 

@@ -19,8 +19,7 @@ from torch import Generator
 
 from ship_trl.config.errors import ConfigError
 from ship_trl.config.paths import conf_dir
-from ship_trl.config.types import World
-from ship_trl.config.world import world_values
+from ship_trl.config.types import World, world_values
 from ship_trl.fast.worlds import make_env, make_starts, make_step
 from ship_trl.files.disk import atomic_write, read_json
 from ship_trl.learn.network import DuelingNetwork

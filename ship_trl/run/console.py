@@ -23,8 +23,7 @@ from rich.progress import (
 )
 from rich.table import Column, Table
 
-from ship_trl.config.command import command
-from ship_trl.config.errors import escape, one_line
+from ship_trl.config.errors import command, escape, one_line
 from ship_trl.files.curve import Row
 from ship_trl.sim.cases import describe
 

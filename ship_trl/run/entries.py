@@ -16,7 +16,6 @@ from pathlib import Path
 
 from yaml import YAMLError
 
-from ship_trl.config.checks import check_world
 from ship_trl.config.errors import ConfigError, print_error
 from ship_trl.config.schema import read_as
 from ship_trl.config.types import Perturbation, World
@@ -100,7 +99,6 @@ def read_world(changes: list[str]) -> World:
         world = load_world(changes=changes)
     except YAMLError as error:
         raise ConfigError(f"world: not readable: {' '.join(str(error).split())}") from None
-    check_world(world)
     return world
 
 

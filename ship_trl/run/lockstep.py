@@ -17,9 +17,8 @@ from ship_trl.run.setup import read_source
 from ship_trl.sim.cases import load_case
 from ship_trl.sim.state import initial_state
 from ship_trl.sim.vector import VectorObservation
-from ship_trl.transfer.methods import make_method
+from ship_trl.transfer.methods import feature_extraction, make_method
 from ship_trl.transfer.methods.base import TransferMethod
-from ship_trl.transfer.methods.feature_extraction import FeatureExtraction
 from ship_trl.transfer.weights import save_weights
 
 # Places for target ships; no case has more.
@@ -96,7 +95,7 @@ def start_network(run: Run) -> tuple[DuelingNetwork, tuple[str, ...]]:
     weights = Generator().manual_seed(run.stream("weights"))
     network = make_network(run.config.network, len(run.config.world.actions), weights)
     method, source = make_method(run.arm, run.config.transfer), read_source(run)
-    if type(method) not in (TransferMethod, FeatureExtraction):
+    if type(method) not in (TransferMethod, feature_extraction.Method):
         raise ValueError(f"arm {run.arm} cannot be trained in lockstep")
     if source is not None:
         method.copy(network, source.weights)

@@ -17,18 +17,14 @@ from omegaconf import OmegaConf
 from safetensors import SafetensorError, safe_open
 from yaml import YAMLError
 
-from ship_trl.config.algorithm import non_default_algorithm, reads_of
 from ship_trl.config.arm import SCRATCH, Arm, SourceWeights
 from ship_trl.config.bounds import RewardScale
-from ship_trl.config.checks import check_world, require
-from ship_trl.config.command import override
-from ship_trl.config.errors import ConfigError, one_line
+from ship_trl.config.checks import non_default_algorithm, reads_of
+from ship_trl.config.errors import ConfigError, one_line, override, require
 from ship_trl.config.network import non_default_network
 from ship_trl.config.paths import conf_dir, stem
 from ship_trl.config.schema import read_as
-from ship_trl.config.transfer import Transfer
-from ship_trl.config.types import Config, Perturbation, World, plain
-from ship_trl.config.world import world_values
+from ship_trl.config.types import Config, Perturbation, Transfer, World, plain, world_values
 from ship_trl.files.curve import RunError
 from ship_trl.files.disk import atomic_write, remove
 from ship_trl.files.record import RESULT, RunRecord, read_run
@@ -239,7 +235,7 @@ def hash_of(
         digests["teacher"] = f"{teacher.digest}{factor}"
     # Left out where they are the default, so that older results keep their digest.
     algorithm = non_default_algorithm(config.algorithm)
-    own, default = (plain(each).get(config.method.value, {}) for each in (config.transfer, Transfer()))
+    own, default = (plain(each).get(config.method, {}) for each in (config.transfer, Transfer()))
     optional: dict[str, Any] = {
         "transfer": {key: value for key, value in own.items() if value != default[key]},
         "margin": plain(config.margin) if config.margin.penalty else None,
@@ -400,7 +396,6 @@ def read_settings(folder: Path) -> tuple[World, bool, Perturbation]:
     try:
         values: Any = read_yaml(path)
         world = read_as(World, values.world, key="world")
-        check_world(world)
         perturbation = read_as(Perturbation, values.get("perturbation") or {}, key="perturbation")
         return world, bool(values.colour), perturbation
     except ConfigError as error:

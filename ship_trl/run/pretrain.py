@@ -12,8 +12,7 @@ from dataclasses import asdict
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from ship_trl.config.command import override
-from ship_trl.config.errors import ConfigError
+from ship_trl.config.errors import ConfigError, override
 from ship_trl.files.curve import RunError, split
 from ship_trl.files.disk import atomic_write
 from ship_trl.files.record import RunRecord, read_run

@@ -12,9 +12,9 @@ from typing import Any
 import torch
 from torch import Generator
 
-from ship_trl.config.arm import FORMS, SourceWeights, TransferMethodName
+from ship_trl.config.arm import SourceWeights, forms
 from ship_trl.config.errors import ConfigError
-from ship_trl.config.types import Schedule
+from ship_trl.config.types import Learn
 from ship_trl.fast.worlds import accelerator, make_env, make_starts
 from ship_trl.files.curve import Row
 from ship_trl.learn.algorithm import Algorithm, Setup, Teacher, build_algorithm
@@ -111,7 +111,7 @@ def make_parts(run: Run, device: torch.device, source: Source | None) -> Parts:
     scratch = rollout(eval_env, greedy_policy(network, draw))
     method = make_method(run.arm, config.transfer)
     if source is not None:
-        if FORMS[run.arm.method].uses_function:
+        if forms()[run.arm.method].uses_function:
             fixed = fixed_copy(network, source.weights)
             method.attach(make_origin(run, fixed, eval_env, mean_return(scratch)))
         method.copy(network, source.weights)
@@ -157,7 +157,7 @@ def make_origin(run: Run, source: DuelingNetwork, env: ShipEnv, untrained: float
     # A source that this run trains has the run's own scale; of a file it is unknown.
     source_scale = scale if run.pretrained is None else REWARD_SCALE
     reached = mean_return(rollout(env, greedy_policy(source, draw)))
-    if run.arm.method is TransferMethodName.qdagger and reached <= untrained:
+    if run.arm.method == "qdagger" and reached <= untrained:
         console.say(
             f"the source returns {reached:.1f} here, an untrained network {untrained:.1f}: no pull to it"
         )
@@ -242,7 +242,7 @@ def read_source(run: Run, entry: StoredNetwork | None = None) -> Source | None:
         path, key, origin = Path(str(config.source_file)), "source_file", str(config.source_file)
     copied = run.arm.copied(network.all_layers, network.layer_names)
     # A source may have another number of actions where its Q-values are neither copied nor asked for.
-    needs_all = FORMS[run.arm.method].uses_function or "advantage" in copied
+    needs_all = forms()[run.arm.method].uses_function or "advantage" in copied
     weights = load_weights(path, network, key, free=() if needs_all else ("advantage",))
     if run.arm.weights is SourceWeights.permuted:
         weights = permute_values(weights, Generator().manual_seed(run.stream("permuted source")))
@@ -259,7 +259,7 @@ class SourceCheck:
 
     env: ShipEnv
     draw: Draw
-    learn: Schedule
+    learn: Learn
     source_return: float = math.nan
 
     def measure(self, network: DuelingNetwork) -> float:
@@ -272,7 +272,7 @@ class SourceCheck:
         return row | {"source_return": self.measure(network)} if is_due else row
 
 
-def is_measured(episode: int, learn: Schedule) -> bool:
+def is_measured(episode: int, learn: Learn) -> bool:
     """Return whether the evaluation after `episode` training episodes is measured on the source too."""
     last, number = (math.ceil(n / learn.evaluate_every) for n in (learn.episodes, episode))
     steps = min(MAX_EVALUATIONS - 1, last)

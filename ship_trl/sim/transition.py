@@ -9,7 +9,7 @@ from typing import NamedTuple
 import torch
 from torch import Tensor
 
-from ship_trl.config.world import GiveWay, World
+from ship_trl.config.types import GiveWay, World
 from ship_trl.sim.cases import GIVES_WAY, GIVING_WAY, HOLDS_COURSE
 from ship_trl.sim.encounter import must_give_way, relative_motion
 from ship_trl.sim.geometry import closest_approach, unit_vector

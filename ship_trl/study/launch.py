@@ -16,8 +16,7 @@ from typing import Any
 from omegaconf import OmegaConf
 from rich.progress import BarColumn, Progress, TimeElapsedColumn, TimeRemainingColumn
 
-from ship_trl.config.command import override
-from ship_trl.config.errors import ConfigError
+from ship_trl.config.errors import ConfigError, override
 from ship_trl.config.types import WandbMode, plain, trackers_of
 from ship_trl.files.curve import CURVE, RunError
 from ship_trl.files.disk import atomic_write

@@ -12,12 +12,11 @@ from datetime import UTC, datetime
 from pathlib import Path
 from typing import Annotated, Any
 
-from ship_trl.config.algorithm import non_default_algorithm, reads_of
+from ship_trl.config.checks import non_default_algorithm, reads_of
 from ship_trl.config.errors import ConfigError
 from ship_trl.config.network import non_default_network
 from ship_trl.config.schema import read_as, rule
-from ship_trl.config.types import Config, plain
-from ship_trl.config.world import world_values
+from ship_trl.config.types import Config, plain, world_values
 from ship_trl.files.disk import atomic_write, read_json
 from ship_trl.grid.compose import compose_config
 from ship_trl.sim.cases import load_suite

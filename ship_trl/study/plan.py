@@ -16,7 +16,7 @@ from omegaconf.errors import OmegaConfBaseException
 from pydantic import Field
 
 from ship_trl.config import arm as arms
-from ship_trl.config.arm import ALL_LAYERS, ARM_NAMES, Arm, SourceWeights, TransferMethodName
+from ship_trl.config.arm import ALL_LAYERS, Arm, SourceWeights, arm_names
 from ship_trl.config.bounds import Positive, Seed
 from ship_trl.config.checks import check_logger
 from ship_trl.config.errors import ConfigError, missing_extra
@@ -26,9 +26,9 @@ from ship_trl.config.types import Logger, WandbMode
 from ship_trl.files.untrusted import read_changes, read_yaml
 from ship_trl.grid.launchers import check_slurm
 
-SCRATCH, WHOLE = arms.SCRATCH.name, Arm(TransferMethodName.finetune, ALL_LAYERS).name
-FE = tuple(Arm(TransferMethodName.feature_extraction, n).name for n in range(1, 5))
-FT = tuple(Arm(TransferMethodName.finetune, n).name for n in range(1, 5))
+SCRATCH, WHOLE = arms.SCRATCH.name, Arm("finetune", ALL_LAYERS).name
+FE = tuple(Arm("feature_extraction", n).name for n in range(1, 5))
+FT = tuple(Arm("finetune", n).name for n in range(1, 5))
 TRANSFERS = (*FE, *FT, WHOLE)
 # Controls whose frozen layers hold random weights, or the source's weights permuted within each layer.
 RANDOM, PERMUTED = SourceWeights.random.value, SourceWeights.permuted.value
@@ -180,7 +180,7 @@ def check(config: StudyConfig) -> None:
         try:
             Arm.parse(name)
         except ValueError:
-            raise ConfigError(f"arms: no {name}; allowed: {ARM_NAMES}") from None
+            raise ConfigError(f"arms: no {name}; allowed: {arm_names()}") from None
     check_names("arms", config.arms, config.arms)
     check_names("launcher", [config.launcher], list(LAUNCHERS))
     check_logger(config.logger)

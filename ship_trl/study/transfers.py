@@ -14,7 +14,7 @@ from typing import Annotated
 from pydantic import Field
 
 from ship_trl.config.arm import Arm
-from ship_trl.config.command import command, override
+from ship_trl.config.errors import command, override
 from ship_trl.config.paths import group_names
 from ship_trl.config.schema import read_as, rule
 from ship_trl.files.untrusted import Cells, read_table

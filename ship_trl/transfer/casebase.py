@@ -16,7 +16,7 @@ from typing import Any
 
 from filelock import FileLock
 
-from ship_trl.config.arm import FORMS, Arm, TransferMethodName
+from ship_trl.config.arm import Arm, forms
 from ship_trl.config.types import World
 from ship_trl.files.disk import read_json, sync, writing
 from ship_trl.sim.cases import Case, Suite
@@ -94,7 +94,7 @@ class CaseBase:
         Networks of `q_reuse` are left out: they are refused as a source.
         """
         stored = [e for e in self.entries() if e.fingerprint == case.fingerprint and e.policy.is_file()]
-        stored = [e for e in stored if not e.arm.startswith(FORMS[TransferMethodName.q_reuse].prefix)]
+        stored = [e for e in stored if not e.arm.startswith(forms()["q_reuse"].prefix)]
         usable = [e for e in stored if e.network is None and e.best_return > -math.inf]
         return max(usable, key=lambda entry: entry.best_return, default=None)
 
@@ -175,6 +175,6 @@ def recommend(base: Case, target: Case) -> Arm:
     """Recommend the arm that the paper's results favour at this similarity (conclusions 2 and 3)."""
     if similarity(base, target) >= HIGH_SIMILARITY:
         # Three frozen layers are better than four.
-        return Arm(TransferMethodName.feature_extraction, 3)
+        return Arm("feature_extraction", 3)
     # The return falls with each further layer.
-    return Arm(TransferMethodName.finetune, 1)
+    return Arm("finetune", 1)

@@ -200,7 +200,7 @@ def module(env, seed):
         ("pretrained:9 target=paper", "policy: no bundled network of case 9; allowed: 1, "),
         ("random target=paper --demonstrations d", "--demonstrations: of single cases, not perturbed"),
         ("none.py:name target=2", "policy: none.py:name cannot be imported"),
-        ("random target=2 --episodes 0", "--episodes: must be at least 1"),
+        ("random target=2 --episodes 0", "--episodes: must be greater than or equal to 1"),
         ("vo target=imazu --episodes 2200", "--episodes: all would be alike; allowed with drawn starts or"),
         ("random target=2 --gif film.mp4", "--gif: must be a name that ends with .gif"),
         ("random target=2 target=4", "target: given twice"),

@@ -7,9 +7,8 @@ from typing import Any
 import pytest
 from omegaconf import OmegaConf
 
-from ship_trl.config.algorithm import ignored_keys, non_default_algorithm
-from ship_trl.config.arm import Arm, TransferMethodName
-from ship_trl.config.checks import to_config
+from ship_trl.config.arm import Arm
+from ship_trl.config.checks import ignored_keys, non_default_algorithm, to_config
 from ship_trl.config.errors import ConfigError
 from ship_trl.config.network import load_network
 from ship_trl.config.paths import conf_dir
@@ -33,7 +32,7 @@ def options(group: str) -> list[str]:
 
 def test_the_main_command_is_composed() -> None:
     config = composed(*HIGH)
-    assert (config.source, config.target, config.arm) == ("1", "2", Arm(TransferMethodName.finetune, 3))
+    assert (config.source, config.target, config.arm) == ("1", "2", Arm("finetune", 3))
     assert (config.label, config.arm_label, config.output) == ("high", "FT3", "outputs")
     assert config.profile == "quick" and to_config(OmegaConf.create(plain(config))) == config
 
@@ -92,7 +91,7 @@ def test_every_network_composes_with_as_many_layers_as_it_has(network: str) -> N
     high = ("+pair=high", f"observation={seen}", f"network={network}")
     count = load_network(network).depth
     assert composed(*high, f"arm=FE{count}").arm_label == f"FE{count}"
-    with pytest.raises(ConfigError, match=rf"^layers: must be 1, .*{count}.* got {count + 1}$"):
+    with pytest.raises(ConfigError, match=rf"^layers: must be 1, .*{count}.* got {count + 1};"):
         composed(*high, f"layers={count + 1}")
 
 

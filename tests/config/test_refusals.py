@@ -18,86 +18,61 @@ from ship_trl.study.plan import to_study
 from tests.command import ship_trl
 from tests.config.test_config import HIGH, composed
 
-
-def rows(count: int) -> str:
-    return f"[{','.join(['[15,0]'] * count)}]"
-
-
 WRONG = {
     "": "pair: none given",
-    "layers=3": "pair: none given",
-    "+pair=high": "layers: none given; give layers=1, 2, 3, 4, all, head or body with method=fine",
-    "+pair=high method=feature_extraction layers=all": "layers: must be 1, 2, 3, 4 or head with",
-    "+pair=high method=guide layers=7": "layers: must be 1, 2, 3, 4, all, head or body, or left out",
+    "+pair=high": "layers: must be 1, 2, 3, 4, all, head, body with method=finetune, got none; arm=NAME sets",
+    "+pair=high method=feature_extraction layers=all": "layers: must be 1, 2, 3, 4, head with",
+    "+pair=high method=guide layers=7": "layers: must be 1, 2, 3, 4, all, head, body, left out with",
+    "+pair=high layers=6 network=five": "layers: must be 1, 2, 3, 4, 5, all, head, body with",
     "+pair=high +arm=G algorithm=ppo": "method: must be another with an algorithm that has",
     "+pair=high +arm=QR algorithm=pupil algorithm.teacher=pretrained:4": "method: must be another with an al",
     "+pair=high +arm=QR source_weights=random": "source_weights: must be learned or pretrained with",
-    "+pair=high method=q_reuse layers=all": "layers: must be 1, 2, 3 or 4, or left out with method=q_reuse",
     "+pair=high +arm=FEH observation=vector": "layers: must be a number or all with observation=vector",
-    "+pair=high +arm=G transfer.guide.schedule=x": "transfer.guide.schedule: must be one of belief, reuse",
-    "+pair=high +arm=SP3 transfer.l2sp.rate_decay=0.5": "transfer.l2sp.rate_decay: must be from 1 to 1000",
-    "+pair=high method=feature_extraction": "layers: none given; give layers=1, 2, 3, 4 or head with",
+    "+pair=high +arm=G transfer.guide.schedule=x": "transfer.guide.schedule: must be 'belief', 'reuse' or 'j",
+    "+pair=high +arm=SP3 transfer.l2sp.rate_decay=0.5": "transfer.l2sp.rate_decay: must be greater than or",
     "+pair=high method=scratch layers=2": "layers: must be left out with method=scratch",
     "+pair=high method=scratch source_weights=random": "source_weights: must be learned with method=scratch",
     "+pair=high layers=3 source_file=x source_weights=random": "source_weights: must be learned or",
     "+pair=high layers=3 source=pretrained source_weights=random": "source_weights: must be left out",
     "+pair=high layers=3 source=pretrained source_file=x": "source_file: must be left out with source=",
-    "+pair=high layers=3 source_weights=banana": "source_weights: must be one of learned, pretrained, ran",
-    "target=4": "source: must be a case, for method=finetune; without a source method=scratch, got none",
+    "target=4": "source: must be a case with method=finetune; without one method=scratch, got none",
     "+pair=high method=banana layers=2": "method: must be one of scratch, feature_extraction, finetune, unfr",
-    "+pair=high layers=6 network=five": "layers: must be 1, 2, 3, 4, 5, all, head or body with",
     "+pair=high layers=2 learn.backend=incremental network.conv=[[8,6,3],[8,27,1]]": "learn.backend: must be",
 }
 # Behind `+pair=high layers=3`.
 WRONG_VALUES = {
-    "logger=banana": "logger: must be one of csv, tensorboard, wandb, all, got banana",
-    "learn.loss=l3": "learn.loss: must be one of l2, huber, got l3",
+    "logger=banana": 'logger: must be one of csv, tensorboard, wandb, all, got "banana"',
+    "learn.loss=l3": "learn.loss: must be 'l2' or 'huber', got \"l3\"",
     "learn.backend=incremental fast=false": "learn.backend: must be auto or dense with fast=false, got inc",
     "learn.backend=incremental device=cuda": "learn.backend: must be auto or dense with",
-    "seed=-1": "seed: must be at least 0",
-    "seed=one": "seed: must be a whole number, got one",
-    "learn.episodes=true": "learn.episodes: must be a whole number, got true",
-    "world.reward.goal=false": "world.reward.goal: must be a finite number, got false",
-    "learn.episodes=-5": "learn.episodes: must be from 1 to 1000000000, got -5",
+    "seed=one": 'seed: must be a valid integer, got "one"',
+    "learn.episodes=true": "learn.episodes: must be a number, got true",
+    "learn.episodes=-5": "learn.episodes: must be greater than or equal to 1, got -5",
     "learn.replay_size=8": "learn.batch_size: must be at most learn.replay_size=8",
-    "learn.lr=0": "learn.lr: must be above 0",
     "margin.penalty=30": "margin.distance: must be above world.safe_distance=45 with margin.penalty=30, got",
-    "algorithm.build=sarsa": "algorithm.build: must be module:function or file.py:function, got sarsa",
-    "algorithm.build='none.py:build'": "algorithm.build: no file none.py; allowed: module:function or",
+    "algorithm.build=sarsa": "algorithm.build: must be module:function or file.py:function, of a module or",
+    "algorithm.build='none.py:build'": "algorithm.build: must be module:function or file.py:function, of a",
     "+algorithm.steps=3": "algorithm.steps: unknown key; allowed here: none",
-    "algorithm=n_step algorithm.steps=0": "algorithm.steps: must be from 1 to 1000, got 0",
     "algorithm=n_step +algorithm.epochs=3": "algorithm.epochs: unknown key; allowed here: steps",
     "algorithm=ppo demonstrations=played": "demonstrations: must be left out with an algorithm",
-    "algorithm=ppo algorithm.rollout_steps=1": "algorithm.rollout_steps: must be from 2 to 100000, got 1",
     "algorithm=ppo learn.num_envs=1": "algorithm.minibatch_size: must be at most 32 (rollout_steps of",
     "algorithm=pupil": "algorithm.teacher: must be a safetensors file, a result folder, or pretrained:NAME",
-    "algorithm=pupil algorithm.teacher=x algorithm.temperature=0": "algorithm.temperature: must be above 0",
-    "world.actions=[[0.0,0.1],[-1.0,0.0]]": "world.actions: must be a list of [v in m/s,",
-    "world.safe_distance=inf": "world.safe_distance: must be a finite number, got inf",
-    "world.actions=[]": "world.actions: must be a list of",
+    "world.actions=[[0.0,0.1],[-1.0,0.0]]": "world.actions: must be at most 100 of [v in m/s,",
+    "world.actions=[[15,0],[-1e9,0]]": "world.actions: must be at most 100 of [v in m/s,",
+    "world.safe_distance=inf": "world.safe_distance: must be a finite number, got",
     "+typo=3": "typo: unknown key; allowed here: pair, source, target",
-    "network.conv=[]": "network.conv: must be at least one [filters, kernel, stride]",
-    "network.conv=[[8,8.5,4]]": "network.conv[0][1]: must be a whole number, got 8.5",
-    "network.conv=[[8,8,4],[8,21,1]]": "network.conv[1]: the kernel must be 20, to cover",
-    "network.conv=[[8,85,4],[8,1,1]]": "network.conv[0]: the kernel must be at most 84",
+    "+world.give_way.cpa=2": "world.give_way.cpa: unknown key; allowed here: tcpa, dcpa, turn",
+    "network.conv=[]": "network.conv: must be given without network.linear, got []",
+    "network.conv=[[8,8.5,4]]": "network.conv[0][1]: must be a valid integer, got 8.5",
+    "network.conv=[[8,8,4],[8,21,1]]": "network.conv[1][1]: must be 20, to cover the last map, got 21",
+    "network.conv=[[8,85,4],[8,1,1]]": "network.conv[0][1]: must be at most 84, the side of its map, got 85",
     "network.conv=${nothing}": "network.conv: ",
-    "network.hidden=0": "network.hidden: must be from 1 to 4096, got 0",
     "observation=vector colour=true": "colour: must be false with observation=vector, got true",
     "observation=vector learn.backend=incremental": "learn.backend: must be auto or dense with observation=",
     "observation=vector network.per_ship=4": "network.per_ship: must be less than the 4 layers of",
-    "observation=vector network.linear=[0]": "network.linear[0]: must be from 1 to 4096, got 0",
-    "observation=vector network.ships=0": "network.ships: must be at least 1 with network.linear, got 0",
-    "observation=vector +network.vector_time=8": "network.vector_time: must be left out beside network",
+    "observation=vector network.ships=0": "network.ships: must be given with network.linear, got 0",
+    "observation=vector +network.vector_time=8": "network.vector_time: must be left out with network.linear",
     "+network.ships=3": "network.ships: must be left out without network.linear, got 3",
-    "observation=vector learn.replay_size=100000000": "learn.replay_size: must be at most 12521770 (8 GB)",
-    "learn.replay_size=1000000000000": "learn.replay_size: must be at most 21157474 (8 GB)",
-    "method=feature_extraction learn.replay_size=2000000": "learn.replay_size: must be at most 663315",
-    "learn.num_envs=1000000000": "learn.num_envs: must be at most 35241 (4 GB of the maps of network.conv)",
-    "network.conv=[[4096,1,1],[4096,84,1]] layers=2": "network.conv: must be at most 100000000 (weights;",
-    f"world.max_steps=1000 world.actions={rows(11)}": "world.actions: must be at most 10",
-    "world.actions=[[15,0],[-1e9,0]]": "world.actions: must be at most 1e+06 m in an episode, got 6e+10",
-    "+world.give_way.cpa=2": "world.give_way.cpa: unknown key; allowed here: tcpa, dcpa, turn",
-    "world.goal_distance=901": "world.goal_distance: must be at most 900 (metres that the fastest action m",
 }
 
 
@@ -148,9 +123,6 @@ def test_tensorboard_is_refused_where_it_is_not_installed(
 
 
 def test_a_wrong_switch_is_refused(monkeypatch: pytest.MonkeyPatch) -> None:
-    for value in ("on", "off", ""):
-        monkeypatch.setenv(BFLOAT16, value)
-        compose_config(*HIGH)
     monkeypatch.setenv(BFLOAT16, "no")
     with pytest.raises(ConfigError, match=r"^SHIP_TRL_BFLOAT16: must be on or off, got no$"):
         compose_config(*HIGH)

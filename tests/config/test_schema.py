@@ -14,20 +14,18 @@ from tests.config.test_config import HIGH, composed
 
 EVALUATION = {"return": 3, "outcome": "goal", "length": 4, "dcpa": None, "episode": 0}
 WRONG: dict[str, tuple[dict[str, Any], str]] = {
-    "number": ({"seed": 10**400}, "seed: must be from 0 to 9223372036854775807, got 1000"),
-    "float": ({"learn": {"lr": 10**400}}, "learn.lr: must be a finite number, got 1000"),
+    "number": ({"seed": 10**400}, "seed: must be less than or equal to 9223372036854775807, got 1000"),
     "list": ({"world": [1]}, "world: must be a group of dt, max_steps, safe_distance,"),
-    "group": ({"seed": {"a": 1}}, "seed: must be a whole number, got {'a': 1}"),
-    "row": ({"network": {"conv": [8, 8, 4]}}, "network.conv[0]: must be a list, as [A,B] or []"),
+    "row": ({"network": {"conv": [8, 8, 4]}}, "network.conv[0]: must be a valid list, got 8"),
     "key": ({"a\nb": 1}, "a\\nb: unknown key; allowed here: pair,"),
-    "pair": ({"pair": "../x"}, "pair: must be the name of a folder, got ../x"),
+    "pair": ({"pair": "../x"}, 'pair: must be the name of a folder, got "../x"'),
     "surrogate": (
         {"output": "\ud800"},
-        "output: must be a path of at most 3000 bytes, 200 a name, got \\ud8",
+        "output: must be a path of at most 3000 bytes, 200 a name",
     ),
-    "long": ({"output": "a" * 300}, "output: must be a path of at most 3000 bytes, 200 a name, got aaa"),
+    "long": ({"output": "a" * 300}, 'output: must be a path of at most 3000 bytes, 200 a name, got "aaa'),
     "itself": ({"output": "${case_base}", "case_base": "${output}"}, "output: Recursive interpolation"),
-    "resolved": ({"network": {"conv": "${seed}"}}, "network.conv: must be a list, as [A,B] or []"),
+    "resolved": ({"network": {"conv": "${seed}"}}, "network.conv: must be a valid list, got 0"),
 }
 
 
@@ -52,7 +50,7 @@ def test_interpolations_and_text_of_the_environment_are_converted(monkeypatch: p
     assert (config.seed, config.learn.lr, config.colour, config.source) == (7, 1e-3, True, "5")
     assert config.learn.update_every == config.learn.batch_size
     monkeypatch.setenv("A_SEED", "seven")
-    with pytest.raises(ConfigError, match=r"^seed: must be a whole number, got seven$"):
+    with pytest.raises(ConfigError, match=r'^seed: must be a valid integer, got "seven"$'):
         to_config(OmegaConf.create(values))
 
 

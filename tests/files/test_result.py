@@ -32,12 +32,12 @@ def test_it_is_read_as_it_was_written(number: float, layers: Any, dcpa: Any, dra
 @pytest.mark.parametrize(
     ("change", "said"),
     [
-        ({"pair": None}, "pair: must be plain text, got null"),
-        ({"seed": "0"}, 'seed: must be a whole number, got "0"'),
-        ({"seed": True}, "seed: must be a whole number, got true"),
-        ({"best_known_return": "80"}, 'best_known_return: must be a finite number, got "80"'),
+        ({"pair": None}, "pair: must be a valid string, got null"),
+        ({"seed": "0"}, 'seed: must be a valid integer, got "0"'),
+        ({"seed": True}, "seed: must be a valid integer, got true"),
+        ({"best_known_return": "80"}, 'best_known_return: must be a valid number, got "80"'),
         ({"best_known_return": float("inf")}, "best_known_return: must be a finite number, got Infinity"),
-        ({"draws": [1.0, "2"]}, r"draws\[1\]: must be a finite number, got \"2\""),
+        ({"draws": [1.0, "2"]}, r"draws\[1\]: must be a valid number, got \"2\""),
         ({"best": 3}, "best: must be a group of episode_return, outcome,"),
         ({"best": {"return": 1.0}}, "best.outcome: missing"),
         ({"best": {"outcome": "goal"}}, "best.return: missing"),

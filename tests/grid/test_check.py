@@ -15,10 +15,10 @@ SCRATCH = ("-m", *SMOKE, "target=1", "method=scratch")
 @pytest.mark.parametrize(
     ("words", "said"),
     [
-        (["seed=0,-1"], "seed: must be at least 0, got -1"),
+        (["seed=0,-1"], "seed: must be greater than or equal to 0, got -1"),
         (["target=1,99"], "target: no case or suite 99; allowed: 1, 2, "),
-        (["learn.gamma=2"], "learn.gamma: must be from 0 to 1, got 2"),
-        (["learn.lr=0.001,abc"], "learn.lr: must be a finite number, got abc"),
+        (["learn.gamma=2"], "learn.gamma: must be less than or equal to 1, got 2"),
+        (["learn.lr=0.001,abc"], "learn.lr: must be a valid number, got"),
         (["method=scratch,finetune"], "source: must be a case, for method=finetune"),
         (
             ["learn.lr=0.001,0.002", "learn.tau=0.1,0.2"],

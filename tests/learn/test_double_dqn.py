@@ -9,8 +9,8 @@ from tensordict import TensorDict
 from torch import Generator, Tensor
 
 from ship_trl.config.types import Learn, Loss
-from ship_trl.learn.algorithm import LearningHooks
 from ship_trl.learn.double_dqn import FEATURES, DoubleDQN, build
+from ship_trl.learn.hooks import LearningHooks
 from ship_trl.learn.network import DuelingNetwork
 from ship_trl.learn.replay import DrawPixels
 from tests.learn.worlds import Freezing, draw, fast_setup, schedule

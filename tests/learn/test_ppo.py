@@ -7,7 +7,8 @@ import pytest
 import torch
 from tensordict import TensorDict, TensorDictBase
 
-from ship_trl.learn.algorithm import DivergedError, LearningHooks
+from ship_trl.learn.algorithm import DivergedError
+from ship_trl.learn.hooks import LearningHooks
 from ship_trl.learn.ppo import PPO, build, state_value
 from ship_trl.learn.train import Evaluated, Finished, Training, train
 from tests.learn.worlds import Corridor, Freezing, corridor_setup, draw, schedule

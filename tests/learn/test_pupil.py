@@ -8,7 +8,7 @@ from tensordict import TensorDict
 from torch import Tensor
 
 from ship_trl.config.types import BackendName
-from ship_trl.learn.algorithm import LearningHooks
+from ship_trl.learn.hooks import LearningHooks
 from ship_trl.learn.pupil import Pupil, build, distillation_loss
 from ship_trl.learn.train import Finished, Training, train
 from tests.learn.worlds import Corridor, Freezing, corridor_setup, draw, schedule

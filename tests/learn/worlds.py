@@ -11,7 +11,8 @@ from torchrl.envs import EnvBase
 
 from ship_trl.config.types import BackendName, Learn, Loss, Precision
 from ship_trl.fast.worlds import accelerator
-from ship_trl.learn.algorithm import LearningHooks, Setup
+from ship_trl.learn.algorithm import Setup
+from ship_trl.learn.hooks import LearningHooks
 from ship_trl.learn.network import DuelingNetwork
 
 fast_setup = partial(Setup, accelerator=accelerator())

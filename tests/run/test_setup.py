@@ -7,6 +7,8 @@ import shutil
 from collections.abc import Sequence
 from itertools import pairwise
 from pathlib import Path
+from types import SimpleNamespace
+from typing import Any
 
 import pandas as pd
 import pytest
@@ -16,7 +18,7 @@ from torch import Generator
 
 from ship_trl.config.errors import ConfigError
 from ship_trl.config.network import load_network
-from ship_trl.config.types import Config, Schedule
+from ship_trl.config.types import Config
 from ship_trl.fast.worlds import make_env
 from ship_trl.files.curve import CURVE
 from ship_trl.files.record import read_run
@@ -112,7 +114,7 @@ def planned(*words: str) -> Run:
     [(600, 5, 20), (5000, 50, 20), (95, 5, 20), (9, 3, 4), (10, 3, 5), (1, 7, 2)],
 )
 def test_at_most_so_many_evaluations_are_measured_evenly(episodes: int, every: int, count: int) -> None:
-    learn = Schedule(episodes, 1, every, 1, 0)
+    learn: Any = SimpleNamespace(episodes=episodes, evaluate_every=every)
     evaluated = sorted({*range(0, episodes, every), episodes})
     due = [number for number, episode in enumerate(evaluated) if is_measured(episode, learn)]
     assert len(due) == count <= MAX_EVALUATIONS and (due[0], due[-1]) == (0, len(evaluated) - 1)

@@ -46,8 +46,8 @@ def row(x: str, speed: str = "15") -> str:
     ("text", "message"),
     [
         ("name,encounter\n", "is not a table of scenes: it has no column 'x1'"),
-        (row("nan"), "row one: ship 1: x: must be a finite number, got nan"),
-        (row("500", speed=""), "row one: ship 1: speed: must be a finite number, got ''"),
+        (row("nan"), "row one: ship 1: x: must be a finite number, got"),
+        (row("500", speed=""), "row one: ship 1: speed: must be a valid number, got"),
         (None, "cannot be read: No such file"),
     ],
 )

@@ -72,7 +72,7 @@ def test_other_settings_are_refused_and_lose_nothing(whole: Path) -> None:
     ("override", "said"),
     [
         ("overrides=[learn.typo=1]", "learn.typo: unknown key"),
-        ("overrides=[learn.lr=-1]", "learn.lr: must be above 0"),
+        ("overrides=[learn.lr=-1]", "learn.lr: must be greater than 0"),
         ("profile=endless", "profile: no endless"),
         ("output=/proc/nowhere", "output: /proc/nowhere cannot be written"),
     ],

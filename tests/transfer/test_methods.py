@@ -11,12 +11,12 @@ from tensordict import TensorDict
 from torch import Generator, Tensor
 
 from ship_trl.config.arm import Arm
-from ship_trl.config.transfer import L2SP, Guide, GuideSchedule, QDagger, Transfer, Unfreeze
+from ship_trl.config.types import Transfer
 from ship_trl.learn.double_dqn import build
 from ship_trl.learn.network import DuelingNetwork
 from ship_trl.learn.optimiser import ChannelsLastAdam, learning_groups
 from ship_trl.sim.state import STEP
-from ship_trl.transfer.methods import make_method
+from ship_trl.transfer.methods import guide, l2sp, make_method, qdagger, unfreeze
 from ship_trl.transfer.methods.base import Origin, TransferMethod, fixed_copy
 from ship_trl.transfer.methods.guide import probability
 from tests.learn.test_double_dqn import batch, observed
@@ -86,7 +86,7 @@ def test_a_frozen_head_keeps_its_bytes_while_conv_layers_learn() -> None:
 
 def test_the_pull_is_half_the_squared_change() -> None:
     target, source = network(0), network(1)
-    method = make("SP1", Transfer(l2sp=L2SP(copied=0.5, fresh=0.25)))
+    method = make("SP1", Transfer(l2sp=l2sp.Settings(copied=0.5, fresh=0.25)))
     method.copy(target, source.state_dict())
     with torch.no_grad():
         target.layers[0].bias += 2.0
@@ -100,17 +100,17 @@ def test_the_probability_of_the_guide() -> None:
     step = torch.tensor([0.0, 1.0, 9.0, 10.0])
 
     def chances(progress: float, schedule: str) -> list[float]:
-        settings = Guide(GuideSchedule(schedule), belief=0.8, period=0.5, decay=0.5, steps=20)
+        settings = guide.Settings(guide.Schedule(schedule), belief=0.8, period=0.5, decay=0.5, steps=20)
         return [round(chance, 4) for chance in probability(settings, progress, step).tolist()]
 
     assert chances(0.0, "belief") == 4 * [0.8] and chances(0.25, "belief") == 4 * [0.4]
     assert chances(0.0, "reuse") == [0.8, 0.4, 0.0016, 0.0008] == chances(0.49, "reuse")
     assert chances(0.0, "jumpstart") == 4 * [1.0] and chances(0.25, "jumpstart") == [1.0, 1.0, 1.0, 0.0]
-    assert all(chances(0.5, one.value) == 4 * [0.0] for one in GuideSchedule)
+    assert all(chances(0.5, one.value) == 4 * [0.0] for one in guide.Schedule)
 
 
 def test_the_source_chooses_as_often_as_it_is_believed() -> None:
-    method, count = make("G", Transfer(guide=Guide(belief=0.6, period=1.0))), 2000
+    method, count = make("G", Transfer(guide=guide.Settings(belief=0.6, period=1.0))), 2000
     method.attach(origin())
     state = torch.rand(count, STEP + 1, generator=Generator().manual_seed(3)) * 8 - 4
     step = TensorDict({"state": state, "action": torch.full((count,), -1)}, [count])
@@ -123,7 +123,7 @@ def test_the_source_chooses_as_often_as_it_is_believed() -> None:
 
 def test_the_divergence_is_that_of_the_two_policies_and_fades() -> None:
     method, target, data = (
-        make("QD", Transfer(qdagger=QDagger(weight=2.0, temperature=0.5))),
+        make("QD", Transfer(qdagger=qdagger.Settings(weight=2.0, temperature=0.5))),
         network(0),
         batch(),
     )
@@ -158,7 +158,7 @@ def test_the_divergence_is_that_of_the_two_policies_and_fades() -> None:
     [("SP3", (3, 2, 1, 0, 0, 0, 0)), ("SPW", (5, 4, 3, 2, 1, 0, 0)), ("SPH", (0, 0, 0, 0, 1, 0, 0))],
 )
 def test_a_copied_layer_learns_slower_than_the_one_above_it(arm: str, shares: tuple[int, ...]) -> None:
-    method, target = make(arm, Transfer(l2sp=L2SP(rate_decay=2.6))), network(0)
+    method, target = make(arm, Transfer(l2sp=l2sp.Settings(rate_decay=2.6))), network(0)
     method.copy(target, network(1).state_dict())
     optimiser = ChannelsLastAdam(learning_groups(target, method.rate_factor), lr=0.01)
     optimiser.set_lr(0.1)
@@ -173,7 +173,7 @@ def test_a_copied_layer_learns_slower_than_the_one_above_it(arm: str, shares: tu
 
 @pytest.mark.parametrize(("arm", "count"), [("GU3", 3), ("GUW", 4)])
 def test_copied_layers_thaw_from_the_last_one_down(arm: str, count: int) -> None:
-    method = make(arm, Transfer(unfreeze=Unfreeze(period=0.5)))
+    method = make(arm, Transfer(unfreeze=unfreeze.Settings(period=0.5)))
     method.copy(network(0), network(1).state_dict())
     found = [
         method.frozen_layers(progress) for progress in (0.0, *((k + 0.01) / count / 2 for k in range(1, 6)))

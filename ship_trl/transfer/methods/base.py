@@ -4,15 +4,16 @@ from __future__ import annotations
 
 import copy
 from dataclasses import dataclass
-
-import torch
-from torch import Generator, Tensor
+from typing import TYPE_CHECKING, Any
 
 from ship_trl.config.arm import Arm
-from ship_trl.config.transfer import Transfer
-from ship_trl.learn.algorithm import LearningHooks
-from ship_trl.learn.network import Dense, Draw, DuelingNetwork
-from ship_trl.transfer.weights import Weights
+from ship_trl.learn.hooks import LearningHooks
+
+if TYPE_CHECKING:
+    from torch import Generator, Tensor
+
+    from ship_trl.learn.network import Draw, DuelingNetwork
+    from ship_trl.transfer.weights import Weights
 
 
 @dataclass(frozen=True)
@@ -37,7 +38,6 @@ class Origin:
     source_scale: float = 1.0
     reward_scale: float = 1.0
 
-    @torch.no_grad()
     def q_values(self, state: Tensor) -> Tensor:
         """Compute the source's Q-values [N, A] of states [N, S]."""
         return self.network(self.draw(state))
@@ -45,6 +45,8 @@ class Origin:
 
 def fixed_copy(network: DuelingNetwork, weights: Weights) -> DuelingNetwork:
     """Return a network of the same layers that holds the weights and does not learn."""
+    from ship_trl.learn.network import Dense
+
     other = copy.deepcopy(network).requires_grad_(False)
     other.load_state_dict(dict(weights))
     other.backend = Dense()
@@ -56,13 +58,16 @@ class TransferMethod(LearningHooks):
 
     Args:
         arm: which layers are copied.
-        settings: of all methods.
+
+    Attributes:
+        settings: of the class that the method's `FORM` names.
     """
 
+    settings: Any
     _origin: Origin
 
-    def __init__(self, arm: Arm, settings: Transfer) -> None:
-        self.arm, self.settings = arm, settings
+    def __init__(self, arm: Arm) -> None:
+        self.arm = arm
 
     def copy(self, network: DuelingNetwork, weights: Weights) -> None:
         """Copy layers of the source into the network, without freezing them."""

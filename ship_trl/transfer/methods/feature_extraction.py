@@ -2,13 +2,19 @@
 
 from __future__ import annotations
 
-from ship_trl.config.arm import HEAD
-from ship_trl.learn.network import DuelingNetwork
+from typing import TYPE_CHECKING
+
+from ship_trl.config.arm import HEAD, Form
 from ship_trl.transfer.methods.base import TransferMethod
-from ship_trl.transfer.weights import Weights
+
+if TYPE_CHECKING:
+    from ship_trl.learn.network import DuelingNetwork
+    from ship_trl.transfer.weights import Weights
+
+FORM = Form("FE", (HEAD,))
 
 
-class FeatureExtraction(TransferMethod):
+class Method(TransferMethod):
     """Copies the arm's layers and freezes them.
 
     With `layers=head` the fully connected layers stay, and conv layers learn below them: our control, which

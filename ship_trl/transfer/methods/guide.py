@@ -15,35 +15,60 @@ Double DQN learns from any actions, so these steps enter the replay as they are.
 from __future__ import annotations
 
 from collections.abc import Mapping
+from dataclasses import dataclass
+from enum import StrEnum
+from typing import TYPE_CHECKING
 
-import torch
-from tensordict import TensorDictBase
-from torch import Tensor
-
-from ship_trl.config.transfer import Guide as Settings
-from ship_trl.config.transfer import GuideSchedule
-from ship_trl.sim.state import STEP
+from ship_trl.config.arm import Form
+from ship_trl.config.bounds import Count, PositiveShare, Share
 from ship_trl.transfer.methods.base import TransferMethod
+
+if TYPE_CHECKING:
+    from tensordict import TensorDictBase
+    from torch import Tensor
+
+Schedule = StrEnum("Schedule", ["belief", "reuse", "jumpstart"])
+
+
+@dataclass(frozen=True)
+class Settings:
+    """When the source chooses the action."""
+
+    schedule: Schedule = Schedule.belief
+    belief: Share = 0.9
+    period: PositiveShare = 0.2
+    decay: Share = 0.95
+    steps: Count = 20
+
+
+FORM = Form("G", bare=True, uses_function=True, settings=Settings)
 
 
 def probability(settings: Settings, progress: float, step: Tensor) -> Tensor:
     """Return the probability [N] of the source's action in steps [N] of episodes, at a share of training."""
+    import torch
+
     left = max(0.0, 1.0 - progress / settings.period)
-    if settings.schedule is GuideSchedule.belief:
+    if settings.schedule is Schedule.belief:
         return torch.full_like(step, settings.belief * left)
-    if settings.schedule is GuideSchedule.reuse:
+    if settings.schedule is Schedule.reuse:
         return settings.belief * settings.decay**step * (left > 0)
     return (step < settings.steps * left).to(step.dtype)
 
 
-class Guide(TransferMethod):
+class Method(TransferMethod):
     """Copies the arm's layers, if any, and lets the source choose some of the actions."""
 
-    @torch.no_grad()
+    settings: Settings
+
     def act(self, step: TensorDictBase, progress: float) -> None:
         """Replace `action` [N] by the source's best one, with the probability of the schedule."""
+        import torch
+
+        from ship_trl.sim.state import STEP
+
         state, generator = step.get("state"), self._origin.generator
-        chance = probability(self.settings.guide, progress, state[..., STEP])
+        chance = probability(self.settings, progress, state[..., STEP])
         guided = torch.rand(len(state), generator=generator, device=state.device) < chance
         if bool(guided.any()):
             best = self._origin.q_values(state).argmax(-1)

@@ -6,19 +6,42 @@ lower copied layers also learn slower than the upper ones (ULMFiT; Howard and Ru
 
 from __future__ import annotations
 
-import torch
-from tensordict import TensorDictBase
-from torch import Tensor, nn
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Annotated
 
-from ship_trl.config.arm import OUTPUT
-from ship_trl.learn.network import DuelingNetwork
+from pydantic import Field
+
+from ship_trl.config.arm import OUTPUT, Form
+from ship_trl.config.bounds import LossWeight
 from ship_trl.transfer.methods.base import TransferMethod
-from ship_trl.transfer.weights import Weights
+
+if TYPE_CHECKING:
+    from tensordict import TensorDictBase
+    from torch import Tensor, nn
+
+    from ship_trl.learn.network import DuelingNetwork
+    from ship_trl.transfer.weights import Weights
 
 
-class L2SP(TransferMethod):
+@dataclass(frozen=True)
+class Settings:
+    """How strongly weights are pulled: copied ones to the source's, fresh ones to zero; how fast they learn.
+
+    The learning rate of a copied layer is that of the layer above it, divided by `rate_decay`.
+    """
+
+    copied: LossWeight = 0.01
+    fresh: LossWeight = 0.0
+    rate_decay: Annotated[float, Field(ge=1, le=1000)] = 1.0
+
+
+FORM = Form("SP", settings=Settings)
+
+
+class Method(TransferMethod):
     """Adds copied / 2 * |w - w_source|^2 of copied weights to the loss, and fresh / 2 * |w|^2 of others."""
 
+    settings: Settings
     _start: dict[str, Tensor]
     _factors: dict[str, float]
 
@@ -31,7 +54,7 @@ class L2SP(TransferMethod):
         self._factors, factor = {}, 1.0
         for name in reversed(network.all_layers):
             if name not in OUTPUT:  # value and advantage are the top, side by side
-                factor = factor / self.settings.l2sp.rate_decay if name in copied else 1.0
+                factor = factor / self.settings.rate_decay if name in copied else 1.0
             self._factors[name] = factor
 
     def rate_factor(self, layer: str) -> float:
@@ -40,7 +63,9 @@ class L2SP(TransferMethod):
 
     def penalty(self, network: nn.Module, batch: TensorDictBase) -> Tensor | None:
         """Return the penalty, or None where both weights are 0."""
-        settings, terms = self.settings.l2sp, []
+        import torch
+
+        settings, terms = self.settings, []
         for key, value in network.named_parameters():
             weight = settings.copied if key in self._start else settings.fresh
             if weight and value.requires_grad:

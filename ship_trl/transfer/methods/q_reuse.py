@@ -6,18 +6,21 @@ with 0, so that the sum begins as the source. That is our choice.
 
 from __future__ import annotations
 
-import torch
+from typing import TYPE_CHECKING
 
-from ship_trl.config.arm import OUTPUT
-from ship_trl.learn.network import DuelingNetwork
+from ship_trl.config.arm import OUTPUT, Form
 from ship_trl.transfer.methods.base import TransferMethod, fixed_copy
-from ship_trl.transfer.weights import Weights
+
+if TYPE_CHECKING:
+    from ship_trl.learn.network import DuelingNetwork
+    from ship_trl.transfer.weights import Weights
+
+FORM = Form("QR", (), bare=True, uses_function=True)
 
 
-class QReuse(TransferMethod):
+class Method(TransferMethod):
     """Copies the arm's layers, if any, and adds the source's Q-values."""
 
-    @torch.no_grad()
     def copy(self, network: DuelingNetwork, weights: Weights) -> None:
         """Copy layers of the source, and let the network begin as the source's function."""
         super().copy(network, weights)
@@ -28,6 +31,6 @@ class QReuse(TransferMethod):
             for fresh, fixed in zip(
                 getattr(network, name).parameters(), getattr(source, name).parameters(), strict=True
             ):
-                fresh.zero_()
-                fixed.mul_(factor)
+                fresh.data.zero_()
+                fixed.data.mul_(factor)
         network.reused = source

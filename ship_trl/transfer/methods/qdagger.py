@@ -11,20 +11,38 @@ from __future__ import annotations
 
 from collections import deque
 from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Annotated
 
-import torch
-from tensordict import TensorDictBase
-from torch import Tensor, nn
+from pydantic import Field
 
-from ship_trl.learn.network import DuelingNetwork
+from ship_trl.config.arm import Form
+from ship_trl.config.bounds import LossWeight
 from ship_trl.transfer.methods.base import Origin, TransferMethod
+
+if TYPE_CHECKING:
+    from tensordict import TensorDictBase
+    from torch import Tensor, nn
 
 # Training episodes whose mean return is compared with the source's.
 EPISODES = 10
 
 
-class QDagger(TransferMethod):
+@dataclass(frozen=True)
+class Settings:
+    """How strongly the policy is pulled to the source's."""
+
+    weight: LossWeight = 3.0
+    temperature: Annotated[float, Field(gt=0, le=1e6)] = 1.0
+
+
+FORM = Form("QD", bare=True, uses_function=True, settings=Settings)
+
+
+class Method(TransferMethod):
     """Copies the arm's layers, if any, and adds the divergence from the source's policy to the loss."""
+
+    settings: Settings
 
     def attach(self, origin: Origin) -> None:
         """Take the source's function, whose returns are compared with the target's."""
@@ -39,7 +57,7 @@ class QDagger(TransferMethod):
         if high <= low:
             return 0.0
         score = sum(self._returns) / len(self._returns) if self._returns else low
-        return self.settings.qdagger.weight * min(1.0, max(0.0, 1.0 - (score - low) / (high - low)))
+        return self.settings.weight * min(1.0, max(0.0, 1.0 - (score - low) / (high - low)))
 
     def observe(self, step: TensorDictBase) -> None:
         """Add rewards to the returns of the running episodes, and note those that end."""
@@ -52,10 +70,15 @@ class QDagger(TransferMethod):
 
     def penalty(self, network: nn.Module, batch: TensorDictBase) -> Tensor | None:
         """Return the weighted divergence on a batch, or None while its weight is 0."""
+        import torch
+        from torch import nn
+
+        from ship_trl.learn.network import DuelingNetwork
+
         if not (weight := self.weight):
             return None
         assert isinstance(network, DuelingNetwork)
-        observation, temperature = batch.get(network.observes), self.settings.qdagger.temperature
+        observation, temperature = batch.get(network.observes), self.settings.temperature
         with torch.no_grad():
             source_q = self._origin.network(observation) / self._origin.source_scale
             source_policy = (source_q / temperature).log_softmax(-1)
@@ -64,6 +87,8 @@ class QDagger(TransferMethod):
 
     def state_dict(self) -> dict[str, Tensor]:
         """Return the returns of the last and of the running episodes."""
+        import torch
+
         running = torch.empty(0) if self._running is None else self._running
         return {"returns": torch.tensor(list(self._returns), dtype=torch.float64), "running": running}
 

@@ -6,14 +6,32 @@ episodes. That is our choice.
 
 from __future__ import annotations
 
-from ship_trl.learn.network import DuelingNetwork
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+from ship_trl.config.arm import ALL_LAYERS, Form
+from ship_trl.config.bounds import PositiveShare
 from ship_trl.transfer.methods.base import TransferMethod
-from ship_trl.transfer.weights import Weights
+
+if TYPE_CHECKING:
+    from ship_trl.learn.network import DuelingNetwork
+    from ship_trl.transfer.weights import Weights
 
 
-class Unfreeze(TransferMethod):
+@dataclass(frozen=True)
+class Settings:
+    """When copied layers thaw."""
+
+    period: PositiveShare = 0.5
+
+
+FORM = Form("GU", (ALL_LAYERS,), settings=Settings)
+
+
+class Method(TransferMethod):
     """Copies the arm's layers, freezes them, and thaws them from the last one down."""
 
+    settings: Settings
     _frozen = 0
 
     def copy(self, network: DuelingNetwork, weights: Weights) -> None:
@@ -24,5 +42,5 @@ class Unfreeze(TransferMethod):
 
     def frozen_layers(self, progress: float) -> int:
         """Return how many layers are frozen at a share of the episodes."""
-        thawed = int(self._frozen * progress / self.settings.unfreeze.period)
+        thawed = int(self._frozen * progress / self.settings.period)
         return max(0, self._frozen - thawed)

@@ -50,7 +50,7 @@ HOSTILE = {
         "is not a study's plan",
     ),
     "a pair that leads out": (in_runs(",high,", ",../../x,"), "no run of a study is named"),
-    "a seed that is no number": (in_runs(",FTW,0,", ",FTW,../0,"), "seed: must be a whole number"),
+    "a seed that is no number": (in_runs(",FTW,0,", ",FTW,../0,"), "seed: must be a valid integer"),
     "a run twice": (in_runs(",FTW,1,", ",FTW,0,"), "has no run, or a run twice"),
     "a return that is none": (in_curves(",collision,", ",collision,x"), "curves.csv.xz cannot be read"),
     "an episode that is lost": (

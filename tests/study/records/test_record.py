@@ -49,10 +49,10 @@ def test_a_curve_may_have_no_epsilon_but_not_lack_one(tmp_path: Path, rows: slic
         ({"episodes": 10**12}, "curve.csv does not have the 1000000000000 episodes"),
         ({"best_known_return": float("nan")}, "best_known_return: must be a finite number, got NaN"),
         ({"arm": "FE3-demonstrations"}, "result.json: 'FE3-demonstrations' names no arm"),
-        ({"random_return": None}, "random_return: must be a finite number, got null"),
+        ({"random_return": None}, "random_return: must be a valid number, got null"),
         ({"random_return": 100.0}, "the best known return is not above the random one"),
         ({"scratch": {}}, "scratch.return: missing"),
-        ({"draws": [1.0, None]}, r"draws\[1\]: must be a finite number, got null"),
+        ({"draws": [1.0, None]}, r"draws\[1\]: must be a valid number, got null"),
     ],
 )
 def test_results_that_make_no_sense_are_named(tmp_path: Path, changes: dict[str, Any], said: str) -> None:

@@ -50,7 +50,7 @@ HEADINGS = '"headings": Measure(lambda base, target, _: abs(base.heading - targe
 RECIPES = {
     "reward": [
         (
-            "ship_trl/config/world.py",
+            "ship_trl/config/types.py",
             "    k2: Coefficient\n",
             "    k2: Coefficient\n    rudder: Coefficient = 0.0\n",
         ),

@@ -13,8 +13,8 @@ from itertools import islice
 from pathlib import Path
 
 from ship_trl.cli.errors import refusals
-from ship_trl.cli.parser import add_output, make_parser
-from ship_trl.config.errors import ConfigError, command, override
+from ship_trl.cli.parser import add_output, add_target, make_parser
+from ship_trl.config.errors import command, override, require
 from ship_trl.config.paths import conf_dir
 from ship_trl.config.types import World
 from ship_trl.policies.pretrained import networks
@@ -33,6 +33,7 @@ from ship_trl.study.transfers import BUNDLED_TABLE, TABLE, Transfer, read_transf
 from ship_trl.transfer.casebase import CaseBase, rank
 from ship_trl.transfer.similarity import MEASURES, describe_similarity, distance, similarity
 
+DEFAULT = "paper,ship"
 # Sources and transfers listed for a target, and cases drawn in rows and compared in a matrix.
 MAX_SHOWN, MAX_ROWS = 12, 8
 # Cases that are listed and drawn, and pictures of random encounters.
@@ -45,80 +46,65 @@ ZERO_SHOT_ARM, ZERO_SHOT_GAIN = "FTW", (0.3144, 0.2614, 0.3674)
 def main(arguments: list[str] | None = None) -> None:
     """Print the tables and write the picture."""
     parser = make_parser("cases", __doc__)
-    parser.add_argument("target", nargs="?", default="target=paper,ship", metavar="target=CASE|SUITE")
-    parser.add_argument(
-        "--by",
-        choices=MEASURES,
-        default="similarity",
-        help="rank by similarity (equation 8), distance (7), side (of the ideal path) or number of ships",
-    )
+    add_target(parser, DEFAULT, "target=CASE|SUITE")
+    by = "rank by similarity (equation 8), distance (7), side (of the ideal path) or number of ships"
+    parser.add_argument("--by", choices=MEASURES, default="similarity", help=by)
     stored = "folder of trained networks; default: %(default)s"
     parser.add_argument("--case-base", type=Path, default=Path("outputs/case_base"), help=stored)
     table = f"a report's {TABLE}, to recommend by; default: that of the confirmatory study"
-    parser.add_argument("--measured", type=Path, metavar="FILE", help=table)
+    # The table exists once a study is finished.
+    bundled = BUNDLED_TABLE if BUNDLED_TABLE.is_file() else None
+    parser.add_argument("--measured", type=Path, default=bundled, metavar="FILE", help=table)
     picture = "where the picture goes; default: outputs/cases.png, of a target with its name"
     add_output(parser, "--picture", (".png",), picture)
     options = parser.parse_args(arguments)
     with refusals():
         world = load_world()
-        key, equals, names = options.target.partition("=")
-        if key != "target" or not equals:
-            raise ConfigError(f"target: none given in {options.target}; allowed: target=CASE|SUITE")
-        suites = [load_suite(name, world, "target") for name in names.split(",")]
-        cases = {case.name: case for suite in suites for case in suite.cases}
-        if any(suite.traffic for suite in suites):
-            if len(suites) > 1:
-                raise ConfigError("target: a suite of random encounters is shown alone; allowed: one suite")
-            path = options.picture or Path("outputs") / f"cases_{suites[0].name}.png"
-            path.parent.mkdir(parents=True, exist_ok=True)
-            draw_traffic(path, suites[0], world)
-            sys.stdout.write(f"{path}: scenes of the seeds 0 to {EXAMPLES - 1}\n")
-            return
-        left_out = f": the first {MAX_PICTURES} of {len(cases)} cases" if len(cases) > MAX_PICTURES else ""
-        cases = dict(islice(cases.items(), MAX_PICTURES))
-        if len(cases) > 1:
+        suites = [load_suite(name, world, "target") for name in options.target]
+        every = {case.name: case for suite in suites for case in suite.cases}
+        cases = dict(islice(every.items(), MAX_PICTURES))
+        name, note = f"cases_{'-'.join(suite.name for suite in suites)}", ""
+        traffic = next((suite for suite in suites if suite.traffic), None)
+        if traffic is not None:
+            allowed = "alone, where it is a suite of random encounters"
+            require(len(suites) == 1, "target", allowed, ",".join(options.target))
+            note = f": scenes of the seeds 0 to {EXAMPLES - 1}"
+        elif len(cases) > 1:
             show_cases(cases)
             show_pairs(cases, world)
-            is_default = options.target == parser.get_default("target")
-            name = f"cases{'' if is_default else '_' + '-'.join(suite.name for suite in suites)}.png"
+            name = "cases" if options.target == DEFAULT.split(",") else name
+            note = f": the first {MAX_PICTURES} of {len(every)} cases" * (len(every) > MAX_PICTURES)
         else:
             (target,) = cases.values()
             sources = [case for case in readable_cases(world) if case.fingerprint != target.fingerprint]
-            # The table exists once a study is finished.
-            measured = options.measured or (BUNDLED_TABLE if BUNDLED_TABLE.is_file() else None)
-            known = [] if measured is None else read_transfers(measured)
+            known = [] if options.measured is None else read_transfers(options.measured)
             show_ranking(target, sources, world, options.by, CaseBase(options.case_base))
             show_expected(target, sources, world)
             show_measured(target, transfers_to(target, known, sources))
-            name = f"case_{target.name}.png"
-        path = options.picture or Path("outputs") / name
+            name = f"case_{target.name}"
+        path = options.picture or Path("outputs") / f"{name}.png"
         path.parent.mkdir(parents=True, exist_ok=True)
-        draw_cases(path, cases, world)
-        sys.stdout.write(f"{path}{left_out}\n")
+        draw(path, cases, traffic, world)
+        sys.stdout.write(f"{path}{note}\n")
 
 
-def draw_cases(path: Path, cases: dict[str, Case], world: World) -> None:
-    """Write a picture with a row for each case, or a page of small pictures if they are many."""
+def draw(path: Path, cases: dict[str, Case], traffic: Suite | None, world: World) -> None:
+    """Write a row of pictures for each case, or a page of small ones of many or of random encounters."""
     import torch
 
+    from ship_trl.policies.named import draw_starts
     from ship_trl.sim.state import initial_state
     from ship_trl.view.pages import write_case_page, write_contact_sheet
 
-    if len(cases) <= MAX_ROWS:
+    if traffic is not None:
+        states = draw_starts(traffic, world, EXAMPLES, 0)
+        write_case_page(path, [f"seed {seed}" for seed in range(EXAMPLES)], states, world)
+    elif len(cases) <= MAX_ROWS:
         write_contact_sheet(path, list(cases.values()), world)
     else:
         places = max(len(case.target_ships) for case in cases.values())
-        states = [initial_state(case, world, places) for case in cases.values()]
-        write_case_page(path, list(cases), torch.stack(states), world)
-
-
-def draw_traffic(path: Path, suite: Suite, world: World) -> None:
-    """Write a page of scenes of random encounters, each drawn by its seed."""
-    from ship_trl.policies.named import draw_starts
-    from ship_trl.view.pages import write_case_page
-
-    states = draw_starts(suite, world, EXAMPLES, 0)
-    write_case_page(path, [f"seed {seed}" for seed in range(EXAMPLES)], states, world)
+        states = torch.stack([initial_state(case, world, places) for case in cases.values()])
+        write_case_page(path, list(cases), states, world)
 
 
 def show_cases(cases: dict[str, Case]) -> None:
@@ -135,24 +121,22 @@ def show_cases(cases: dict[str, Case]) -> None:
 
 def show_pairs(cases: dict[str, Case], world: World) -> None:
     """Print table 2 with the properties behind each number, and the similarity of all pairs of few cases."""
-    configs = ((path.stem, read_values(path)) for path in (conf_dir() / "pair").glob("*.yaml"))
     pairs = []
-    for source, target, pair in sorted((values.source, values.target, pair) for pair, values in configs):
+    for path in (conf_dir() / "pair").glob("*.yaml"):
+        source, target = (str(read_values(path)[key]) for key in ("source", "target"))
         # A working directory may lack a case of a shipped pair.
         if source in cases and target in cases:
             one, other = cases[source], cases[target]
             value, apart = f"{similarity(one, other):.2f}", f"{distance(one, other, world):.2f}"
-            pairs.append((pair, source, target, value, apart, *describe_similarity(one, other)))
+            pairs.append((path.stem, source, target, value, apart, *describe_similarity(one, other)))
     if pairs:
         headings = ("pair", "source", "target", "similarity", "distance", "common", "different")
+        pairs.sort(key=lambda row: row[1:])
         show(headings, pairs, title="Table 2: similarity by equation 8, distance by equation 7")
-    if len(cases) > MAX_ROWS:
-        return
-    matrix = [
-        (name, *(f"{similarity(source, target):.2f}" for target in cases.values()))
-        for name, source in cases.items()
-    ]
-    show(("", *cases), matrix, title="Similarity of every source (row) to every target (column)")
+    if len(cases) <= MAX_ROWS:
+        ships = cases.values()
+        matrix = [(one.name, *(f"{similarity(one, other):.2f}" for other in ships)) for one in ships]
+        show(("", *cases), matrix, title="Similarity of every source (row) to every target (column)")
 
 
 def show_ranking(target: Case, sources: list[Case], world: World, by: str, stored: CaseBase) -> None:
@@ -184,8 +168,7 @@ def show_measured(target: Case, found: list[Transfer]) -> None:
     The lower bound decides, because the largest of many measured gains may be due to chance.
     """
     if not found:
-        line = f"By measurement: no transfer to case {target.name} from these cases was measured."
-        sys.stdout.write(f"{line}\n")
+        sys.stdout.write(f"By measurement: no transfer to case {target.name} was measured.\n")
         return
     title = (
         f"Measured on case {target.name}: mean score of all training episodes, compared with scratch with "

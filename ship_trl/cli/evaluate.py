@@ -21,7 +21,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from ship_trl.cli.errors import refusals
-from ship_trl.cli.parser import add_number, add_output, add_policies, add_seed, make_parser
+from ship_trl.cli.parser import add_number, add_output, add_policies, make_parser
 from ship_trl.config.bounds import HEAD_ON_DEGREES, RULES, HalfAngle, Positive
 from ship_trl.config.errors import ConfigError, print_error
 from ship_trl.policies.pretrained import PRETRAINED
@@ -53,10 +53,9 @@ LOW = 5
 def main(arguments: list[str] | None = None) -> None:
     """Print the table, write the files, and check the claims."""
     parser = make_parser("evaluate", __doc__)
-    add_policies(parser, [PRETRAINED])
+    add_policies(parser, [PRETRAINED], "of starts and of policies that draw")
     default = f"where starts are drawn, of each policy; default: {EPISODES}; else each case has one"
     add_number(parser, "--episodes", Positive, None, default)
-    add_seed(parser, "of starts and of policies that draw")
     add_output(parser, "--gif", (".gif",), "film of the first episode of the last policy")
     add_output(parser, "--csv", (".csv",), "every metric of every episode, a row each")
     add_output(parser, "--sheet", (".png",), "paths of all episodes, failures first")

@@ -13,7 +13,7 @@ from typing import Annotated
 from pydantic import Field
 
 from ship_trl.cli.errors import refusals
-from ship_trl.cli.parser import add_number, add_policies, add_seed, make_parser
+from ship_trl.cli.parser import add_number, add_policies, make_parser
 from ship_trl.config.errors import ConfigError, command
 from ship_trl.policies.registry import Entry
 from ship_trl.run.entries import drop_last_networks, find_entries
@@ -25,9 +25,8 @@ Episodes = Annotated[int, Field(ge=60, le=600)]
 def main(arguments: list[str] | None = None) -> None:
     """Read the command line, and write page, figures and tables."""
     parser = make_parser("explain", __doc__)
-    add_policies(parser, is_required=True)
+    add_policies(parser, None, "of states, untrained networks and resamples")
     parser.add_argument("--output", type=Path, metavar="FOLDER", help=f"default: {OUTPUT}")
-    add_seed(parser, "of states, untrained networks and resamples")
     add_number(parser, "--episodes", Episodes, 120, "each gives ten states (default 120)")
     options = parser.parse_args(arguments)
     with refusals():

@@ -12,7 +12,7 @@ from typing import Any, NoReturn
 
 from ship_trl.cli.errors import refusals
 from ship_trl.config.bounds import Seed
-from ship_trl.config.errors import ConfigError, print_error
+from ship_trl.config.errors import print_error, require
 from ship_trl.config.schema import read_as
 from ship_trl.policies.registry import POLICIES
 
@@ -46,22 +46,16 @@ def make_parser(verb: str, description: str | None) -> Parser:
     return Parser(prog=f"python -m ship_trl {verb}", description=description, formatter_class=formatter)
 
 
-def add_policies(parser: Parser, default: Sequence[str] = (), *, is_required: bool = False) -> None:
-    """Add the words that name policies and cases, as `find_entries` reads them, and `--colour`."""
+def add_policies(parser: Parser, default: Sequence[str] | None, seed: str) -> None:
+    """Add the words that name policies and cases, as `find_entries` reads them, `--colour` and `--seed`.
+
+    Without a `default` there must be a word; `seed` says what the seed is of.
+    """
     told = "; ".join(f"{name}: {one.about}" for name, one in POLICIES.items())
-    parser.add_argument(
-        "words",
-        nargs="+" if is_required else "*",
-        default=list(default),
-        metavar="POLICY | target=CASE",
-        help=told,
-    )
+    number, metavar = "+" if default is None else "*", "POLICY | target=CASE"
+    parser.add_argument("words", nargs=number, default=default, metavar=metavar, help=told)
+    add_number(parser, "--seed", Seed, 0, seed)
     parser.add_argument("--colour", action="store_true", help="networks from files see colours")
-
-
-def add_seed(parser: Parser, use: str = "of policies that draw") -> None:
-    """Add `--seed`."""
-    add_number(parser, "--seed", Seed, 0, use)
 
 
 def add_number(parser: Parser, option: str, hint: Any, default: float | None, use: str) -> None:
@@ -70,9 +64,28 @@ def add_number(parser: Parser, option: str, hint: Any, default: float | None, us
     parser.add_argument(option, type=read, default=default, metavar="N", help=use)
 
 
+def add_target(parser: Parser, default: str, metavar: str) -> None:
+    """Add the word `target=CASE`, of which the names are kept."""
+
+    def read(text: str) -> list[str]:
+        key, _, names = text.partition("=")
+        require(key == "target" and names != "", "target", f"given as {metavar}", text)
+        return names.split(",")
+
+    parser.add_argument("target", nargs="?", type=read, default=f"target={default}", metavar=metavar)
+
+
 def add_size(parser: Parser, default: str, use: str) -> None:
     """Add `--size`, in pixels."""
-    parser.add_argument("--size", type=read_size, default=default, metavar="WxH", help=f"{use}, in pixels")
+
+    def read(text: str) -> tuple[int, int]:
+        is_size = re.fullmatch(r"\d{3,4}x\d{3,4}", text, re.ASCII)
+        width, height = map(int, text.split("x")) if is_size else (0, 0)
+        allowed = f"WIDTHxHEIGHT, at least {MIN_WIDTH}x{MIN_HEIGHT}, at most {MAX_SIDE}x{MAX_SIDE}"
+        require(width >= MIN_WIDTH and height >= MIN_HEIGHT, "--size", allowed, text)
+        return width, height
+
+    parser.add_argument("--size", type=read, default=default, metavar="WxH", help=f"{use}, in pixels")
 
 
 def add_output(parser: Parser, name: str, suffixes: Sequence[str], use: str) -> None:
@@ -83,22 +96,9 @@ def add_output(parser: Parser, name: str, suffixes: Sequence[str], use: str) -> 
 
     def read(text: str) -> Path:
         path = Path(text)
-        if path.suffix not in suffixes:
-            raise ConfigError(f"{name}: must be {allowed}, got {text}")
-        if not path.absolute().parent.is_dir():
-            raise ConfigError(f"{name}: no folder {path.absolute().parent}")
-        if not path.suffix and path.exists() and not (path.is_dir() and not any(path.iterdir())):
-            raise ConfigError(f"{name}: {path} exists; must be {allowed}")
+        is_free = bool(path.suffix) or not path.exists() or (path.is_dir() and not any(path.iterdir()))
+        require(path.suffix in suffixes and is_free, name, allowed, text)
+        require(path.absolute().parent.is_dir(), name, "in a folder that exists", text)
         return path
 
     parser.add_argument(name, type=read, metavar=metavar, help=use)
-
-
-def read_size(text: str) -> tuple[int, int]:
-    """Read a size such as 1600x900."""
-    found = re.fullmatch(r"(\d{3,4})x(\d{3,4})", text, re.ASCII)
-    size = (int(found[1]), int(found[2])) if found else (0, 0)
-    if size[0] < MIN_WIDTH or size[1] < MIN_HEIGHT:
-        bounds = f"at least {MIN_WIDTH}x{MIN_HEIGHT}, at most {MAX_SIDE}x{MAX_SIDE}"
-        raise ConfigError(f"--size: must be WIDTHxHEIGHT, {bounds}, got {text}")
-    return size

@@ -11,28 +11,23 @@ import sys
 from pathlib import Path
 
 from ship_trl.cli.errors import refusals
-from ship_trl.cli.parser import add_size, make_parser
-from ship_trl.config.errors import ConfigError
+from ship_trl.cli.parser import add_size, add_target, make_parser
 from ship_trl.sim.cases import load_case, load_world
 
 
 def main(arguments: list[str] | None = None) -> None:
     """Read the arguments, open the window, play."""
     parser = make_parser("play", __doc__)
-    parser.add_argument("target", nargs="?", default="target=4", metavar="target=CASE")
+    add_target(parser, "4", "target=CASE")
     folder = Path("outputs/demonstrations")
-    parser.add_argument(
-        "--demonstrations", type=Path, default=folder, metavar="FOLDER", help="default: %(default)s"
-    )
+    keep = f"where episodes are kept; default: {folder}"
+    parser.add_argument("--demonstrations", type=Path, default=folder, metavar="FOLDER", help=keep)
     parser.add_argument("--keep-nothing", action="store_true", help="keep no demonstrations")
     add_size(parser, "1600x900", "of the window")
     options = parser.parse_args(arguments)
     with refusals():
-        key, equals, names = options.target.partition("=")
-        if key != "target" or not equals:
-            raise ConfigError(f"target: none given in {options.target}; allowed: target=CASE")
         world = load_world()
-        cases = [load_case(name, world, "target") for name in names.split(",")]
+        cases = [load_case(name, world, "target") for name in options.target]
 
         from ship_trl.run.process import configure_process
         from ship_trl.view.window import Game, open_window

@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING, Annotated
 from pydantic import Field
 
 from ship_trl.cli.errors import refusals
-from ship_trl.cli.parser import add_number, add_output, add_policies, add_seed, add_size, make_parser
+from ship_trl.cli.parser import add_number, add_output, add_policies, add_size, make_parser
 from ship_trl.cli.watch import DEFAULT_WORDS
 from ship_trl.config.errors import ConfigError, missing_extra
 from ship_trl.policies.registry import Entry, split_suites
@@ -35,12 +35,11 @@ Speed = Annotated[float, Field(ge=0.1, le=100)]
 def main(arguments: list[str] | None = None) -> None:
     """Read the arguments, roll out the policies, draw."""
     parser = make_parser("record", __doc__)
-    add_policies(parser, DEFAULT_WORDS)
+    add_policies(parser, DEFAULT_WORDS, "of the first random encounter, and of policies that draw")
     add_output(parser, "--output", (".gif", ".mp4", ""), "film: .gif, .mp4, or a folder of PNG")
     add_output(parser, "--trajectories", (".png",), "chart of all paths")
     parser.add_argument("--compare", action="store_true", help="two policies side by side")
     parser.add_argument("--saliency", action="store_true", help="the pixels on which the highest Q depends")
-    add_seed(parser, "of the first random encounter, and of policies that draw")
     add_size(parser, "1280x720", "of the film")
     add_number(parser, "--fps", FrameRate, None, "frames a second; default: 10, of an MP4 30")
     add_number(parser, "--speed", Speed, 5.0, "times as fast as real time; default: 5")

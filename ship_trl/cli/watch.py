@@ -9,7 +9,7 @@ the next. Without a policy, the pretrained network of case 4 is shown. Press H i
 from __future__ import annotations
 
 from ship_trl.cli.errors import refusals
-from ship_trl.cli.parser import add_policies, add_seed, add_size, make_parser
+from ship_trl.cli.parser import add_policies, add_size, make_parser
 from ship_trl.config.errors import command
 from ship_trl.policies.registry import split_suites
 from ship_trl.run.entries import find_entries
@@ -20,9 +20,8 @@ DEFAULT_WORDS = ["pretrained", "target=4"]
 def main(arguments: list[str] | None = None) -> None:
     """Read the arguments, open the window, play."""
     parser = make_parser("watch", __doc__)
-    add_policies(parser, DEFAULT_WORDS)
+    add_policies(parser, DEFAULT_WORDS, "of the first random encounter, and of policies that draw")
     parser.add_argument("--compare", action="store_true", help="the first policy beside the second")
-    add_seed(parser, "of the first random encounter, and of policies that draw")
     add_size(parser, "1600x900", "of the window")
     options = parser.parse_intermixed_args(arguments)
     with refusals():

@@ -52,7 +52,7 @@ def test_random_encounters_are_shown_by_their_seeds(
         assert image.width == 1200
     with pytest.raises(SystemExit):
         main(["target=traffic,paper"])
-    assert "target: a suite of random encounters is shown alone" in capsys.readouterr().err
+    assert "target: must be alone, where it is a suite of random encounters" in capsys.readouterr().err
 
 
 def test_recommended_commands_keep_odd_names(tmp_path: Path) -> None:

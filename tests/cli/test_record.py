@@ -50,7 +50,10 @@ def test_a_network_of_numbers_has_a_film_without_saliency(capsys: pytest.Capture
             "random target=2 --output film.avi",
             "--output: must be a name that ends with .gif or .mp4, or a new",
         ),
-        ("random target=2 --output there", "--output: there exists; must be"),
+        (
+            "random target=2 --output there",
+            "or a new or empty folder, got there",
+        ),
         ("random target=2 --trajectories chart.pdf", "--trajectories: must be a name that ends with .png"),
         ("random target=1,2 --trajectories chart.png", "--trajectories: one case, got 1, 2"),
         (

@@ -67,4 +67,4 @@ def test_every_number_of_every_run_is_written(tmp_path: Path, capsys: pytest.Cap
     )
     with pytest.raises(SystemExit):
         main([str(tmp_path / "runs"), "--csv", str(tmp_path / "nowhere/numbers.csv")])
-    assert "--csv: no folder" in capsys.readouterr().err
+    assert "--csv: must be in a folder that exists" in capsys.readouterr().err

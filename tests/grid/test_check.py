@@ -17,16 +17,14 @@ SCRATCH = ("-m", *SMOKE, "target=1", "method=scratch")
     [
         (["seed=0,-1"], "seed: must be greater than or equal to 0, got -1"),
         (["target=1,99"], "target: no case or suite 99; allowed: 1, 2, "),
-        (["learn.gamma=2"], "learn.gamma: must be less than or equal to 1, got 2"),
         (["learn.lr=0.001,abc"], "learn.lr: must be a valid number, got"),
         (["method=scratch,finetune"], "source: must be a case, for method=finetune"),
         (
             ["learn.lr=0.001,0.002", "learn.tau=0.1,0.2"],
-            "/1/scratch/seed=0; allowed: 'output=outputs/${learn.lr}-${learn.tau}'",
+            "/1/scratch/seed=0; allowed: 'output=outputs/${learn.lr}-${learn.tau}', or a grid for each value",
         ),
-        (["seed=1,2", "seed=3"], "seed: given twice, as seed=1,2 and seed=3; allowed: once in a grid"),
-        (["learn.lr=0.1", "++learn.lr=0.2"], "learn.lr: given twice, as learn.lr=0.1 and ++learn.lr=0.2"),
-        (["network=paper,five"], "allowed: a grid for each value, with its own output=FOLDER"),
+        (["seed=1,2", "seed=3"], "seed: given twice; allowed: once in a grid"),
+        (["learn.lr=0.1", "++learn.lr=0.2"], "learn.lr: given twice; allowed: once in a grid"),
     ],
     ids=lambda value: value[0] if isinstance(value, list) else "",
 )

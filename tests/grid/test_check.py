@@ -18,7 +18,7 @@ SCRATCH = ("-m", *SMOKE, "target=1", "method=scratch")
         (["seed=0,-1"], "seed: must be greater than or equal to 0, got -1"),
         (["target=1,99"], "target: no case or suite 99; allowed: 1, 2, "),
         (["learn.lr=0.001,abc"], "learn.lr: must be a valid number, got"),
-        (["method=scratch,finetune"], "source: must be a case, for method=finetune"),
+        (["method=scratch,finetune"], "source: must be a case with method=finetune"),
         (
             ["learn.lr=0.001,0.002", "learn.tau=0.1,0.2"],
             "/1/scratch/seed=0; allowed: 'output=outputs/${learn.lr}-${learn.tau}', or a grid for each value",

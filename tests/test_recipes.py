@@ -51,8 +51,8 @@ RECIPES = {
     "reward": [
         (
             "ship_trl/config/types.py",
-            "    k2: Coefficient\n",
-            "    k2: Coefficient\n    rudder: Coefficient = 0.0\n",
+            "    k2: bounds.Coefficient\n",
+            "    k2: bounds.Coefficient\n    rudder: bounds.Coefficient = 0.0\n",
         ),
         ("ship_trl/sim/reward.py", COLLISION, COLLISION + RUDDER),
     ],

@@ -14,38 +14,8 @@ from typing import TYPE_CHECKING, Annotated, Any
 from omegaconf import OmegaConf
 from pydantic import Field
 
+from ship_trl.config import bounds
 from ship_trl.config.arm import Arm, MethodName, SourceWeights, forms
-from ship_trl.config.bounds import (
-    MAX_BATCH,
-    MAX_COUNT,
-    MAX_DRAWS,
-    MAX_HUBER_DELTA,
-    MAX_REPLAY,
-    MAX_SHIPS,
-    MAX_STEP_SECONDS,
-    MAX_STEPS,
-    MAX_UNITS,
-    MIN_STEP_SECONDS,
-    OWN_NUMBERS,
-    SHIP_NUMBERS,
-    Actions,
-    Bound,
-    Coefficient,
-    ConvNumbers,
-    Count,
-    Device,
-    FolderName,
-    LearningRate,
-    Metres,
-    PathName,
-    PositiveShare,
-    Range,
-    RewardScale,
-    Seconds,
-    Seed,
-    Share,
-    ShipShares,
-)
 from ship_trl.config.errors import ConfigError
 from ship_trl.config.paths import PACKAGE, stem
 from ship_trl.config.schema import rule
@@ -67,7 +37,7 @@ def trackers_of(logger: str) -> list[str]:
     return ["csv", *(name for name in others if name != "wandb" or not is_disabled)]
 
 
-BatchSize = Annotated[int, Field(ge=1, le=MAX_BATCH)]
+BatchSize = Annotated[int, Field(ge=1, le=bounds.MAX_BATCH)]
 Loss = StrEnum("Loss", ["l2", "huber"])
 # What the rules ask of own ship towards a target ship: keep clear of it, or hold its course.
 EncounterClass = StrEnum("EncounterClass", ["head_on", "give_way", "stand_on", "overtaking", "overtaken"])
@@ -94,14 +64,14 @@ def bfloat16_allowed() -> bool:
 class Reward:
     """Constants of equations 4 to 6."""
 
-    goal: Coefficient
-    collision: Coefficient
-    w1: Coefficient
-    w2: Coefficient
-    w3: Coefficient
-    w4: Coefficient
-    k1: Coefficient
-    k2: Coefficient
+    goal: bounds.Coefficient
+    collision: bounds.Coefficient
+    w1: bounds.Coefficient
+    w2: bounds.Coefficient
+    w3: bounds.Coefficient
+    w4: bounds.Coefficient
+    k1: bounds.Coefficient
+    k2: bounds.Coefficient
 
 
 @dataclass(frozen=True)
@@ -112,8 +82,8 @@ class GiveWay:
     turns at `turn` rad/s.
     """
 
-    tcpa: Seconds = 20.0
-    dcpa: Bound = 90.0
+    tcpa: bounds.Seconds = 20.0
+    dcpa: bounds.Bound = 90.0
     turn: Annotated[float, Field(ge=0, le=1)] = 0.05
 
 
@@ -125,14 +95,14 @@ class World:
     action; 0 is at once.
     """
 
-    dt: Annotated[float, Field(ge=MIN_STEP_SECONDS, le=MAX_STEP_SECONDS)]
-    max_steps: Annotated[int, Field(ge=1, le=MAX_STEPS)]
-    safe_distance: Metres
-    goal_distance: Metres
-    actions: Actions
+    dt: Annotated[float, Field(ge=bounds.MIN_STEP_SECONDS, le=bounds.MAX_STEP_SECONDS)]
+    max_steps: Annotated[int, Field(ge=1, le=bounds.MAX_STEPS)]
+    safe_distance: bounds.Metres
+    goal_distance: bounds.Metres
+    actions: bounds.Actions
     reward: Reward
-    turn_time: Seconds = 0.0
-    speed_time: Seconds = 0.0
+    turn_time: bounds.Seconds = 0.0
+    speed_time: bounds.Seconds = 0.0
     give_way: GiveWay = GiveWay()
 
     @property
@@ -149,10 +119,10 @@ class Perturbation:
     `ship_speed` (m/s) change each target ship, whose speed stays at least zero.
     """
 
-    own_position: Bound = 0.0
+    own_position: bounds.Bound = 0.0
     own_heading: Annotated[float, Field(ge=0, le=180)] = 0.0
-    ship_position: Bound = 0.0
-    ship_speed: Bound = 0.0
+    ship_position: bounds.Bound = 0.0
+    ship_speed: bounds.Bound = 0.0
 
     @property
     def is_none(self) -> bool:
@@ -168,21 +138,21 @@ class Margin:
     of it at the safe distance.
     """
 
-    distance: Bound = 0.0
-    penalty: Bound = 0.0
+    distance: bounds.Bound = 0.0
+    penalty: bounds.Bound = 0.0
 
 
 @dataclass
 class Traffic:
     """A distribution of random encounters; conf/suite/traffic.yaml says what each key means."""
 
-    ships: Annotated[list[Share], ShipShares]
+    ships: Annotated[list[bounds.Share], bounds.ShipShares]
     classes: Annotated[list[EncounterClass], rule("at least one class of encounter", bool)]
-    speeds: Range
-    meeting: Range
-    offset: Bound
-    distance: Range
-    reacting: Share
+    speeds: bounds.Range
+    meeting: bounds.Range
+    offset: bounds.Bound
+    distance: bounds.Range
+    reacting: bounds.Share
 
 
 @dataclass
@@ -196,17 +166,17 @@ class Network:
     the speed vectors show in the picture that the conv layers see; 0 draws none.
     """
 
-    conv: list[ConvNumbers] = field(default_factory=list)
-    hidden: Annotated[int, Field(ge=0, le=MAX_UNITS)] = 0
-    linear: list[Annotated[int, Field(ge=1, le=MAX_UNITS)]] = field(default_factory=list)
-    ships: Annotated[int, Field(ge=0, le=MAX_SHIPS)] = 0
-    per_ship: Annotated[int, Field(ge=0, le=MAX_UNITS)] = 0
-    vector_time: Seconds = 0.0
+    conv: list[bounds.ConvNumbers] = field(default_factory=list)
+    hidden: Annotated[int, Field(ge=0, le=bounds.MAX_UNITS)] = 0
+    linear: list[Annotated[int, Field(ge=1, le=bounds.MAX_UNITS)]] = field(default_factory=list)
+    ships: Annotated[int, Field(ge=0, le=bounds.MAX_SHIPS)] = 0
+    per_ship: Annotated[int, Field(ge=0, le=bounds.MAX_UNITS)] = 0
+    vector_time: bounds.Seconds = 0.0
 
     @property
     def inputs(self) -> int:
         """How many numbers a vector has."""
-        return OWN_NUMBERS + SHIP_NUMBERS * self.ships
+        return bounds.OWN_NUMBERS + bounds.SHIP_NUMBERS * self.ships
 
     @property
     def depth(self) -> int:
@@ -221,25 +191,25 @@ class Learn:
     Epsilon is annealed over the share `epsilon_fraction` of the episodes.
     """
 
-    episodes: Count
+    episodes: bounds.Count
     num_envs: BatchSize
-    evaluate_every: Count
-    evaluate_episodes: Annotated[int, Field(ge=1, le=MAX_DRAWS)]
-    jumpstart_draws: Annotated[int, Field(ge=0, le=MAX_DRAWS)]
-    replay_size: Annotated[int, Field(ge=1, le=MAX_REPLAY)]
-    warmup_steps: Annotated[int, Field(ge=0, le=MAX_COUNT)]
-    epsilon_start: Share
-    epsilon_end: Share
-    epsilon_fraction: PositiveShare
-    gamma: Share
-    lr: LearningRate
-    lr_end: LearningRate
+    evaluate_every: bounds.Count
+    evaluate_episodes: Annotated[int, Field(ge=1, le=bounds.MAX_DRAWS)]
+    jumpstart_draws: Annotated[int, Field(ge=0, le=bounds.MAX_DRAWS)]
+    replay_size: Annotated[int, Field(ge=1, le=bounds.MAX_REPLAY)]
+    warmup_steps: Annotated[int, Field(ge=0, le=bounds.MAX_COUNT)]
+    epsilon_start: bounds.Share
+    epsilon_end: bounds.Share
+    epsilon_fraction: bounds.PositiveShare
+    gamma: bounds.Share
+    lr: bounds.LearningRate
+    lr_end: bounds.LearningRate
     batch_size: BatchSize
-    update_every: Count
-    tau: PositiveShare
+    update_every: bounds.Count
+    tau: bounds.PositiveShare
     loss: Loss
-    huber_delta: Annotated[float, Field(gt=0, le=MAX_HUBER_DELTA)]
-    reward_scale: RewardScale
+    huber_delta: Annotated[float, Field(gt=0, le=bounds.MAX_HUBER_DELTA)]
+    reward_scale: bounds.RewardScale
     precision: Precision
     backend: BackendName
 
@@ -251,7 +221,7 @@ class Checkpoint:
     `every` is a share of the episodes, `seconds` the minimum time between two; 0 and 0: after each episode.
     """
 
-    every: Share
+    every: bounds.Share
     seconds: Annotated[float, Field(ge=0)]
 
 
@@ -265,7 +235,7 @@ class Wandb:
     project: str
     mode: WandbMode
     entity: str | None
-    folder: PathName
+    folder: bounds.PathName
     group: str | None
 
 
@@ -283,22 +253,22 @@ else:
 class Config:
     """One run: an arm on a pair of cases or suites with a seed."""
 
-    pair: FolderName | None
-    source: PathName | None
-    target: PathName | None
-    source_file: PathName | None
+    pair: bounds.FolderName | None
+    source: bounds.PathName | None
+    target: bounds.PathName | None
+    source_file: bounds.PathName | None
     source_weights: SourceWeights
-    demonstrations: PathName | None
+    demonstrations: bounds.PathName | None
     method: MethodName
     layers: Any
-    seed: Seed
-    device: Device
+    seed: bounds.Seed
+    device: bounds.Device
     fast: bool
     colour: bool
     logger: Logger
     objective: Objective
-    output: PathName
-    case_base: PathName
+    output: bounds.PathName
+    case_base: bounds.PathName
     overwrite: bool
     profile: str
     perturbation: Perturbation

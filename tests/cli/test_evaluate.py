@@ -141,22 +141,18 @@ def test_an_own_policy_is_evaluated(tmp_path: Path, capsys: pytest.CaptureFixtur
 
 
 @pytest.mark.parametrize(
-    ("written", "said"),
+    ("number", "said"),
     [
-        ("step.set('action', torch.full(env.batch_size, 3.0))", "writes action float32 [1]; allowed: int64"),
-        ("step.set('action', torch.full(env.batch_size, 7))", "writes action [7]; allowed: int64 [1] from 0"),
+        ("3.0", "writes action float32 [1]; allowed: int64"),
+        ("7", "writes action [7]; allowed: int64 [1] from 0"),
     ],
 )
-@pytest.mark.parametrize(
-    "made", ["act", "type('Own', (torch.nn.Module,), {'forward': lambda self, step: act(step)})()"]
-)
 def test_an_invalid_action_is_refused(
-    made: str, written: str, said: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+    number: str, said: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     file = tmp_path / "own.py"
-    act = f"def act(step):\n        return {written}"
-    file.write_text(f"import torch\n\ndef wrong(env, seed):\n    {act}\n    return {made}\n")
-    assert f"policy: {file}:wrong {said}" in refused(capsys, main, f"{file}:wrong", "target=2")
+    file.write_text(OWN.replace("3)", f"{number})"))
+    assert f"policy: {file}:always {said}" in refused(capsys, main, f"{file}:always", "target=2")
 
 
 # Policies that no contract fits, or that fail.
@@ -168,18 +164,6 @@ def policy(obs):
 
 def failing(env, seed):
     return lambda step: step.set("action", step["wind"])
-
-def early(env, seed):
-    return lambda step: step / (1 // seed)
-
-class Failing(torch.nn.Module):
-    def forward(self, step):
-        if True:
-            pass
-        raise RuntimeError("no")
-
-def module(env, seed):
-    return Failing()
 """
 
 
@@ -191,7 +175,6 @@ def module(env, seed):
             "nobody target=2",
             "policy: no nobody; allowed: random, keep_course, best_known, vo, sb_mpc, apf, pretrained, a",
         ),
-        ("random target=99", "target: no case or suite 99"),
         ("random seed=3 target=2", "seed: unknown key; allowed here: target, perturbation.KEY, world"),
         (
             "random target=2 perturbation.speed=1",
@@ -199,10 +182,7 @@ def module(env, seed):
         ),
         ("pretrained:9 target=paper", "policy: no bundled network of case 9; allowed: 1, "),
         ("random target=paper --demonstrations d", "--demonstrations: of single cases, not perturbed"),
-        ("none.py:name target=2", "policy: none.py:name cannot be imported"),
-        ("random target=2 --episodes 0", "--episodes: must be greater than or equal to 1"),
         ("vo target=imazu --episodes 2200", "--episodes: all would be alike; allowed with drawn starts or"),
-        ("random target=2 --gif film.mp4", "--gif: must be a name that ends with .gif"),
         ("random target=2 target=4", "target: given twice"),
         ("nothing.py:policy target=2", "policy: nothing.py:policy returns None; allowed: a function"),
         (
@@ -213,10 +193,6 @@ def module(env, seed):
             "mine.py:failing target=2",
             'policy: mine.py:failing fails: KeyError: \'key "wind" not found in TensorDict',
         ),
-        (
-            "mine.py:early target=2",
-            "policy: mine.py:early fails: ZeroDivisionError: integer division or modulo by zero (mine.py",
-        ),
         ("vo target=2 world.turn_time=[", "world: not readable: "),
     ],
 )
@@ -224,7 +200,6 @@ def test_wrong_input_is_refused(
     words: str, said: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     monkeypatch.chdir(tmp_path)
-    (tmp_path / "broken.py").write_text("nothing\n")
     (tmp_path / "nothing.py").write_text("policy = lambda *_: None\n")
     (tmp_path / "mine.py").write_text(MINE)
     assert said in refused(capsys, main, *words.split())

@@ -14,7 +14,6 @@ SCREENS = ("DISPLAY", "WAYLAND_DISPLAY", "SDL_VIDEODRIVER")
     [
         (["target=nowhere"], "target: no case nowhere; allowed: 1, 2"),
         (["4"], "target: must be given as target=CASE, got 4"),
-        (["--size", "10x10"], "--size: must be WIDTHxHEIGHT"),
         ([], "no screen (neither DISPLAY nor WAYLAND_DISPLAY is set); python -m ship_trl evaluate"),
     ],
 )

@@ -38,9 +38,7 @@ def test_a_wrong_arm_name_is_refused(name: str) -> None:
     ("method", "layers", "weights"),
     [
         ("scratch", 1, SourceWeights.learned),
-        ("scratch", None, SourceWeights.random),
         ("feature_extraction", "all", SourceWeights.learned),
-        ("feature_extraction", None, SourceWeights.learned),
         ("finetune", 0, SourceWeights.learned),
         ("finetune", True, SourceWeights.learned),
         ("finetune", "3", SourceWeights.learned),
@@ -60,11 +58,8 @@ def test_an_impossible_arm_is_not_made(method: str, layers: int | str, weights: 
         ("FE2-random", CONVS[:2], 2, False),
         ("FEH", LAYERS[4:], 0, True),
         ("FT3", CONVS[:3], 0, True),
-        ("FTH", LAYERS[4:], 0, True),
         ("FTB", LAYERS[:5], 0, True),
         ("FTW", LAYERS, 0, True),
-        ("G", (), 0, True),
-        ("QD3", CONVS[:3], 0, True),
         ("QR", (), 0, True),
     ],
 )

@@ -47,9 +47,6 @@ def composed(*words: str) -> Any:
         (["source=traffic", "target=imazu", "layers=1"], "traffic", 26000),
         (["source=4", "target=traffic", "layers=1"], "traffic", 26000),
         (["target=traffic", "method=scratch", "profile=quick"], "quick", 600),
-        (["target=traffic", "method=scratch", "profile=smoke"], "smoke", 6),
-        (["+experiment=2024_05_01", "profile=quick"], "quick", 600),
-        (["target=paper", "method=scratch"], "quick", 600),
         (["+pair=high", "layers=1"], "quick", 600),
     ],
 )

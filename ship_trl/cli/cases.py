@@ -123,7 +123,8 @@ def show_pairs(cases: dict[str, Case], world: World) -> None:
     """Print table 2 with the properties behind each number, and the similarity of all pairs of few cases."""
     pairs = []
     for path in (conf_dir() / "pair").glob("*.yaml"):
-        source, target = (str(read_values(path)[key]) for key in ("source", "target"))
+        pair = read_values(path)
+        source, target = str(pair.source), str(pair.target)
         # A working directory may lack a case of a shipped pair.
         if source in cases and target in cases:
             one, other = cases[source], cases[target]

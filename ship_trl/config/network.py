@@ -50,9 +50,9 @@ def geometry(network: Network) -> Geometry:
         ConfigError: a kernel is larger than its map, or the last one does not cover its map; or no network
             has these keys: conv layers and a hidden one, or linear layers alone.
     """
-    given, own, others = "without network.linear", ("conv", "hidden"), ("ships", "per_ship")
+    given, own, others = "without network.linear", ["conv", "hidden"], ["ships", "per_ship"]
     if network.linear:
-        given, own, others = "with network.linear", ("ships",), ("conv", "hidden", "vector_time")
+        given, own, others = "with network.linear", ["ships"], ["conv", "hidden", "vector_time"]
         allowed = f"less than the {len(network.linear)} layers of network.linear"
         require(network.per_ship < len(network.linear), "network.per_ship", allowed, network.per_ship)
     for key in (*own, *others):

@@ -46,6 +46,20 @@ def worst(record: RunRecord) -> float:
 CONTRAST = 'beats("high", "scratch", "FE3", "collisions")'
 CLAIM = f'    Claim("E7", EXPLORATORY, "FE3 collides less.", [{CONTRAST}]),\n'
 HEADINGS = '"headings": Measure(lambda base, target, _: abs(base.heading - target.heading), nearer=True),'
+# What the recipe of a method gives, in a file with its imports.
+METHOD = '''\
+from ship_trl.config.arm import Form
+from ship_trl.transfer.methods.base import TransferMethod
+
+FORM = Form("HV")
+
+
+class Method(TransferMethod):
+    """Copies the arm's layers at half their size."""
+
+    def copy(self, network, weights):
+        super().copy(network, {name: value / 2 for name, value in weights.items()})
+'''
 # By recipe: file, what stands there, what takes its place; the recipe gives every new line.
 RECIPES = {
     "reward": [
@@ -209,3 +223,13 @@ def test_a_measure_of_similarity(tmp_path: Path) -> None:
     place = follow("similarity", copy(tmp_path))
     printed = python(place, tmp_path, "-m", "ship_trl", "cases", "target=4", "--by", "headings")
     assert "Sources for case 4, by headings" in printed
+
+
+@pytest.mark.long
+def test_a_method_of_transfer(tmp_path: Path) -> None:
+    place, folder = copy(tmp_path), tmp_path / "after"
+    (place / "ship_trl/transfer/methods/halve.py").write_text(METHOD)
+    given = {line.strip() for line in METHOD.splitlines() if not line.startswith("from ")}
+    assert given - LINES == {"", "def copy(self, network, weights):"} - LINES
+    python(place, folder, "-m", "ship_trl", "+pair=high", "arm=HV3", *SMOKE[3:])
+    assert (folder / "outputs/smoke/high/HV3/seed=0/result.json").is_file()

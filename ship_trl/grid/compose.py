@@ -132,11 +132,11 @@ def missing_profile(values: DictConfig, words: list[str]) -> str:
 def read_word(word: str) -> str:
     """Quote text that Hydra would read as numbers, as in `output=2024_05_01,1e3`.
 
-    Unknown keys of `algorithm` pass: its own check names those that are allowed.
+    Keys of `algorithm` and `transfer` that are in no file of conf/ pass: their check names the allowed ones.
     """
     key, equals, value = word.partition("=")
     name = key.lstrip("+").partition("@")[0]
-    if key.startswith("algorithm.") and equals:
+    if key.startswith(("algorithm.", "transfer.")) and equals:
         key = f"++{key}"
     is_text = name in TEXT or "/" in name or ("." not in name and name not in NOT_TEXT)
     # A value with quotes, brackets or an interpolation is as its author wants it.

@@ -230,6 +230,6 @@ def test_a_method_of_transfer(tmp_path: Path) -> None:
     place, folder = copy(tmp_path), tmp_path / "after"
     (place / "ship_trl/transfer/methods/halve.py").write_text(METHOD)
     given = {line.strip() for line in METHOD.splitlines() if not line.startswith("from ")}
-    assert given - LINES == {"", "def copy(self, network, weights):"} - LINES
+    assert given - LINES == {"def copy(self, network, weights):"}
     python(place, folder, "-m", "ship_trl", "+pair=high", "arm=HV3", *SMOKE[3:])
     assert (folder / "outputs/smoke/high/HV3/seed=0/result.json").is_file()

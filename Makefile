@@ -2,7 +2,7 @@
 # make install  nothing but the virtual environment, for the commands of the README
 # make watch  nothing is trained: the network of case 4 gives way to two ships, in a window
 # make test   style, types and tests
-# make test-long   the tests that `make test` leaves out, for they take half a minute or more each
+# make test-long   the tests that `make test` leaves out, for they take long
 # make lock   the newest versions that fit pyproject.toml into requirements.lock: make lock UPGRADE=--upgrade
 # make audit  asks a public database whether a locked version has a known vulnerability
 # All install into .venv first, by requirements.lock, once for each change of it or of pyproject.toml;

@@ -17,7 +17,6 @@ from benchmarks.ours import (
     Ours,
     learn_config,
     make_ours,
-    start_loop,
 )
 from benchmarks.peers import PEERS, SB3, TUNED_BF16, Peer, Sb3Loop, make_peer
 from benchmarks.timing import Probe
@@ -36,7 +35,9 @@ UPDATES, AGENT_UPDATES = 8, 16
 
 def our_loop(group: str, name: str, arm: str = "scratch", *words: str) -> Probe:
     """Return the probe of ship_trl's whole loop, behind its warm-up."""
-    return Probe(group, name, start_loop(make_ours(arm, *words)), STEPS_PER_CALL, is_ours=True)
+    ours = make_ours(arm, *words)
+    ours.train(ours.learn.warmup_steps)
+    return Probe(group, name, partial(ours.train, STEPS_PER_CALL), STEPS_PER_CALL, is_ours=True)
 
 
 def peer_loop(group: str, name: str, peer: Peer) -> Probe:

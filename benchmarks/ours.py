@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import tempfile
-from collections.abc import Callable
 from typing import cast
 
 import torch
@@ -102,9 +101,3 @@ class Ours:
 def make_ours(arm: str = "scratch", *overrides: str) -> Ours:
     """Put together what is timed beside peers."""
     return Ours(plan_run(arm, OVERRIDES + overrides))
-
-
-def start_loop(ours: Ours) -> Callable[[], None]:
-    """Train through the warm-up, and return a function that trains for `STEPS_PER_CALL` more steps."""
-    ours.train(ours.learn.warmup_steps)
-    return lambda: ours.train(STEPS_PER_CALL)

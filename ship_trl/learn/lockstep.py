@@ -183,7 +183,9 @@ class Lockstep:
             self._act()
             due = max(0, self.steps - self.learn.warmup_steps) // self.learn.update_every
             while self.updates < due:
-                self._update()
+                self._optimiser.set_lr(learning_rate_at(self._share(), self.learn))
+                self._learn(*self.sample())
+                self.updates += 1
 
     def _share(self) -> float:
         """Return the episodes that correspond to the steps taken."""
@@ -245,14 +247,8 @@ class Lockstep:
             length[..., None],
         )
 
-    def _update(self) -> None:
-        """Take one gradient step of each agent, and move its target network."""
-        self._optimiser.set_lr(learning_rate_at(self._share(), self.learn))
-        self._learn(*self.sample())
-        self.updates += 1
-
     def _learn_from(self, states: Tensor, action: Tensor, *rest: Tensor) -> Tensor:
-        """Do what `_update` says with a batch of `sample`; return the loss."""
+        """Take one gradient step of each agent, and move its target network; return the loss."""
         learn, (reward, following, terminated, length) = self.learn, rest
         batch = Batch(
             self.observe(states),

@@ -192,17 +192,12 @@ class PPO(Algorithm):
         """Learn from the rollout if it is full, and return the loss of each minibatch."""
         if len(self._rollout) < self.settings.rollout_steps:
             return []
-        steps = self.judge(TensorDict.stack(self._rollout)).flatten()
+        steps, losses = self.judge(TensorDict.stack(self._rollout)).flatten(), []
         self._rollout.clear()
-        return [
-            self.learn_from(steps[rows])
-            for _ in range(self.settings.epochs)
-            for rows in self._shuffled(len(steps)).split(self.settings.minibatch_size)
-        ]
-
-    def _shuffled(self, count: int) -> Tensor:
-        """Return the numbers below `count` in random order."""
-        return torch.randperm(count, generator=self._shuffle, device=self._shuffle.device)
+        for _ in range(self.settings.epochs):
+            order = torch.randperm(len(steps), generator=self._shuffle, device=self._shuffle.device)
+            losses += [self.learn_from(steps[rows]) for rows in order.split(self.settings.minibatch_size)]
+        return losses
 
     @torch.no_grad()
     def judge(self, steps: TensorDictBase) -> TensorDictBase:

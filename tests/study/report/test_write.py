@@ -1,4 +1,4 @@
-"""The command that makes a report: tables, figures and page, with what is broken named, and alike each time."""
+"""The command that makes a report: tables, figures and page, what is broken named, and alike each time."""
 
 import csv
 import html.parser

@@ -1,4 +1,4 @@
-"""Hydra's callback of a grid: check the runs before the first one starts, and report the best trial."""
+"""Hydra's callback of a grid: check the runs before the first one starts; and what a sweep maximises."""
 
 from __future__ import annotations
 
@@ -19,21 +19,18 @@ from omegaconf import DictConfig, OmegaConf, open_dict, read_write
 from omegaconf.errors import OmegaConfBaseException
 
 from ship_trl.config.checks import to_config
-from ship_trl.config.errors import ConfigError, one_line, print_error
+from ship_trl.config.errors import ConfigError, print_error
 from ship_trl.config.types import Objective
 from ship_trl.files.curve import RunError
 from ship_trl.files.record import RunRecord
-from ship_trl.files.untrusted import read_yaml
 from ship_trl.grid.launchers import GRID, check_slurm, install_signal_handlers
 from ship_trl.run.plan import Run, TakenError, make_run
 
 TOKEN, TOKEN_PATH, MODE = "RAY_AUTH_TOKEN", "RAY_AUTH_TOKEN_PATH", "RAY_AUTH_MODE"
-# File that Hydra's sweepers write.
-RESULTS = "optimization_results.yaml"
 
 
 class Grid(Callback):
-    """Checks a grid, lets its processes stop cleanly, and prints the best trial of a sweep.
+    """Checks a grid, and lets its processes stop cleanly.
 
     A study has checked its runs when it planned them, and sets `checks` to false.
     """
@@ -58,17 +55,6 @@ class Grid(Callback):
         launcher = config.hydra.launcher
         if "hydra_ray_launcher" in str(launcher.get("_target_")):
             close_token(own_cluster=OmegaConf.select(launcher, "ray.init.address") in (None, "local"))
-
-    def on_multirun_end(self, config: DictConfig, **kwargs: Any) -> None:
-        """Print the best trial, if the sweeper names one: with several objectives there is none."""
-        path = Path(config.hydra.sweep.dir) / RESULTS
-        if is_basic(config) or not path.is_file():
-            return
-        found: Any = read_yaml(path)
-        if "best_params" in found:
-            words = " ".join(f"{key}={given}" for key, given in found["best_params"].items())
-            line = f"best trial: {words}, {config.objective} {found['best_value']:.1f}; {path}"
-            sys.stdout.write(f"{one_line(line)}\n")
 
 
 def check(config: DictConfig) -> None:

@@ -12,26 +12,15 @@ from torch import Generator, Tensor
 from ship_trl.cli.export import main
 from ship_trl.config.network import describe_network, load_network
 from ship_trl.learn.network import DuelingNetwork, make_network
-from ship_trl.learn.rollout import Episode
 from ship_trl.policies import onnx as export
 from ship_trl.transfer.weights import save_weights
 from tests.command import refused, ship_trl
 from tests.learn.networks import network
 
-EPISODE = Episode(
-    states=torch.zeros(3, 4),
-    actions=torch.tensor([2, 5]),
-    q_values=torch.full((2, 7), 10.0),
-    rewards=torch.zeros(2),
-    goal=True,
-    collision=False,
-    dcpa=100.0,
-)
 
-
-def saved(path: Path, channels: int = 1, name: str = "paper") -> DuelingNetwork:
+def saved(path: Path) -> DuelingNetwork:
     """A network that has learned nothing, as a file."""
-    made = network(name, channels)
+    made = network("paper", 1)
     save_weights(path, made, {"config_hash": "0123456789ab", "episode": 5})
     return made
 

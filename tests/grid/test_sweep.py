@@ -68,10 +68,6 @@ def test_a_sweep_keeps_its_trials_apart_and_finds_the_best(tmp_path: Path) -> No
     found = yaml.safe_load((place / "optimization_results.yaml").read_text())
     assert rates[0] != rates[1] and found["best_value"] == max(values)
     assert found["best_params"]["learn.lr"] == pytest.approx(rates[values.index(max(values))])
-    assert said.splitlines()[-1].startswith(
-        f"best trial: learn.lr={found['best_params']['learn.lr']} learn.lr_end="
-    )
-    assert f", late {max(values):.1f}; " in said.splitlines()[-1]
     # The same command tries the same values, and finds the finished trials.
     assert ship_trl(*line, folder=tmp_path).stdout.count("is already finished") == 2
     # Other settings in the same folder are refused in one line.

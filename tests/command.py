@@ -8,7 +8,6 @@ from pathlib import Path
 
 import pytest
 
-from ship_trl.cli import study
 from tests import forked
 
 ROOT = Path(__file__).parents[1]
@@ -82,19 +81,18 @@ def refused(capsys: pytest.CaptureFixture[str], main: Callable[[list[str]], None
     return error
 
 
-def report(words: list[str]) -> None:
-    """Run `study report`."""
-    study.main(["report", *words])
+def of_study(verb: str) -> Callable[[list[str]], None]:
+    """Make a function that runs `study VERB` with words, in this process."""
+
+    def run(words: list[str]) -> None:
+        from ship_trl.cli import study  # which takes seconds
+
+        study.main([verb, *words])
+
+    return run
 
 
-def ask(words: list[str]) -> None:
-    """Run `study ask`."""
-    study.main(["ask", *words])
-
-
-def keep(words: list[str]) -> None:
-    """Run `study keep`."""
-    study.main(["keep", *words])
+report, ask, keep = map(of_study, ("report", "ask", "keep"))
 
 
 def files(folder: Path) -> dict[str, bytes]:

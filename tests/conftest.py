@@ -1,4 +1,4 @@
-"""Fixtures of all tests: an empty working directory, the paper's world, cases, a study, one torch thread."""
+"""Fixtures of all tests: an empty working directory, the paper's world, cases, a study."""
 
 import gc
 from collections.abc import Callable, Iterator
@@ -6,18 +6,14 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-import torch
 from hypothesis import find, settings
 from hypothesis import strategies as st
 
 from ship_trl.config.types import World
-from ship_trl.run import experiment
 from ship_trl.sim.cases import Case, TargetShip, load_world
 from tests.command import KEYS
-from tests.pictures import OF_RUNS, draw_a_dot
 from tests.study.commands import SMALL, study
 
-torch.set_num_threads(1)
 # The same examples every time, and no deadline, because the machine may be busy.
 settings.register_profile("steady", deadline=None, derandomize=True, max_examples=50)
 settings.load_profile("steady")
@@ -45,8 +41,15 @@ def pytest_collection_finish() -> None:
 
 
 @pytest.fixture(scope="session", autouse=True)
-def no_pictures() -> None:
-    """Let runs of this process write dots in place of pictures."""
+def light_runs() -> None:
+    """Use one torch thread, and let runs of this process write dots in place of pictures."""
+    # Not above: the process that hands tests to workers would import it first, while they wait.
+    import torch
+
+    from ship_trl.run import experiment
+    from tests.pictures import OF_RUNS, draw_a_dot
+
+    torch.set_num_threads(1)
     vars(experiment).update(dict.fromkeys(OF_RUNS, draw_a_dot))
 
 
@@ -54,6 +57,8 @@ def no_pictures() -> None:
 def denormal_numbers() -> Iterator[None]:
     """Restore denormal numbers after a test: a run in this process flushes them to zero."""
     yield
+    import torch
+
     torch.set_flush_denormal(False)
 
 

@@ -243,9 +243,13 @@ if TYPE_CHECKING:
     Transfer = Any
 else:
     # The settings of each method of transfer that has some, as its file declares them.
-    _settings = [(name, form.settings) for name, form in forms().items() if form.settings]
+    _fields = [
+        (name, form.settings, field(default_factory=form.settings))
+        for name, form in forms().items()
+        if form.settings
+    ]
     Transfer = dataclasses.make_dataclass(
-        "Transfer", [(name, kind, field(default_factory=kind)) for name, kind in _settings], frozen=True
+        "Transfer", _fields, frozen=True, namespace={"__module__": __name__}
     )
 
 

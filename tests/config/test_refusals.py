@@ -21,9 +21,7 @@ from tests.config.test_config import HIGH, composed
 WRONG = {
     "": "pair: none given",
     "+pair=high": "layers: must be 1, 2, 3, 4, all, head, body with method=finetune, got none; arm=NAME sets",
-    "+pair=high method=feature_extraction layers=all": "layers: must be 1, 2, 3, 4, head with",
     "+pair=high method=guide layers=7": "layers: must be 1, 2, 3, 4, all, head, body, left out with",
-    "+pair=high layers=6 network=five": "layers: must be 1, 2, 3, 4, 5, all, head, body with",
     "+pair=high +arm=G algorithm=ppo": "method: must be another with an algorithm that has",
     "+pair=high +arm=QR algorithm=pupil algorithm.teacher=pretrained:4": "method: must be another with an al",
     "+pair=high +arm=QR source_weights=random": "source_weights: must be learned or pretrained with",

@@ -37,7 +37,6 @@ from ship_trl.fast.worlds import make_starts
 from ship_trl.sim import scene
 from ship_trl.sim.cases import load_suite, load_world
 from ship_trl.sim.render import Rasteriser
-from ship_trl.sim.state import first_case
 from ship_trl.sim.transition import Transition
 from ship_trl.sim.vector import VectorObservation
 
@@ -257,7 +256,7 @@ class ShipCollisionVectorEnv(gymnasium.vector.VectorEnv[Observations, NDArray[np
 
         rows = zip(torch.from_numpy(self._state), torch.from_numpy(self._first_state), strict=True)
         return tuple(
-            to_array(draw_scene(first_case(self.suite, state), self.world, state, LARGE_PICTURE, start))
+            to_array(draw_scene(self.world, state, LARGE_PICTURE, start))
             for state, start in rows
         )
 

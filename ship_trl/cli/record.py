@@ -104,7 +104,7 @@ def record_film(entries: list[Entry], options: Namespace) -> None:
             views = [view_entry(entry, options.seed) for entry in act]
             if options.saliency and any(view.sees_numbers for view in views):
                 raise ConfigError("--saliency: allowed for networks that see pixels")
-            yield from draw_film([views], look, options.size, options.fps, options.speed)
+            yield from draw_film(views, look, options.size, options.fps, options.speed)
 
     write_film(options.output, frames(), options.fps)
     sys.stdout.write(f"{options.output}\n")

@@ -20,6 +20,7 @@ from ship_trl.files.curve import Row, moving_mean
 from ship_trl.files.record import RunRecord
 from ship_trl.learn.rollout import Episode
 from ship_trl.sim.cases import Case
+from ship_trl.sim.state import GOAL_X, GOAL_Y
 from ship_trl.view.episode import Telemetry, measure_episode
 from ship_trl.view.style import (
     BEST_KNOWN,
@@ -197,7 +198,7 @@ def draw_trajectories(
     path: Path, case: Case, world: World, episodes: Mapping[str, Sequence[Episode]]
 ) -> None:
     """Write a PNG with a panel for each group of episodes, in which all other episodes are grey."""
-    groups = {name: [measure_episode(case, world, one) for one in some] for name, some in episodes.items()}
+    groups = {name: [measure_episode(world, one) for one in some] for name, some in episodes.items()}
     paths = [one for group in groups.values() for one in group]
     expected, _ = circle_names(world)
     rows = math.ceil(len(groups) / PATHS_COLUMNS)
@@ -275,9 +276,8 @@ def _draw_ships(axes: Axes, longest: Telemetry) -> None:
 
 def _set_limits(axes: Axes, paths: Sequence[Telemetry]) -> None:
     """Show own ship's paths whole, with sides of at most 2 to 1."""
-    case, reach = paths[0].case, paths[0].world.goal_distance
-    above, below = (case.goal[0], case.goal[1] + reach), (case.goal[0], case.goal[1] - reach)
-    places = np.concatenate([[above, below], *(one.states[:, :2] for one in paths)])
+    goal, reach = paths[0].states[0, [GOAL_X, GOAL_Y]], np.array([0.0, paths[0].world.goal_distance])
+    places = np.concatenate([[goal + reach, goal - reach], *(one.states[:, :2] for one in paths)])
     low, high = places.min(0) - MARGIN, places.max(0) + MARGIN
     sides = high - low
     more = np.maximum(0, 0.5 * sides[::-1] - sides) / 2

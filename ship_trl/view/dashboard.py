@@ -8,30 +8,214 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import lru_cache
+from typing import NamedTuple
 
+import numpy as np
 import pygame
 
+from ship_trl.sim import scene
 from ship_trl.view import pen
 from ship_trl.view.episode import EpisodeView
+from ship_trl.view.graphs import Graph, make_graphs
 from ship_trl.view.painter import draw_legend, map_frame, paint_scene, relative_frame
-from ship_trl.view.panels import Graph, Panel, make_graphs
-from ship_trl.view.style import BACKGROUND, CHOSEN, FAINT, PAIR, TEXT
+from ship_trl.view.style import (
+    BACKGROUND,
+    BAR,
+    CHOSEN,
+    DANGER,
+    FAINT,
+    HEAT,
+    PAIR,
+    RULE,
+    SKY,
+    TEXT,
+    YELLOW,
+    Colour,
+    action_text,
+    blend,
+    number,
+)
 
-Columns = tuple[tuple[Callable[[Panel], None], ...], ...]
 Views = tuple[EpisodeView, ...]
 Size = tuple[int, int]
-# The columns beside a scene: of one episode; in a narrow window, or of each of two episodes; and in a window
-# too small for graphs.
-WIDE: Columns = (
-    (Panel.network_view, Panel.q_values),
-    (Panel.action, Panel.values, Panel.terms, Panel.ships),
-)
-NARROW: Columns = ((Panel.network_view, Panel.q_values, Panel.ships),)
-SMALL: Columns = ((Panel.network_view, Panel.values), (Panel.action, Panel.q_values, Panel.ships))
-# The sizes in which `unit` is 1; other windows scale the same layout.
-WIDE_SIZE, NARROW_SIZE, SMALL_SIZE = (1600, 900), (800, 900), (920, 520)
 # A window is narrow below this ratio of width to height, and small below this share of the wide size.
-NARROW_SHAPE, SMALL_SHARE = 1.3, 0.6
+NARROW_RATIO, SMALL_SHARE = 1.3, 0.6
+
+
+@dataclass
+class Panel:
+    """Draws sections one below the other in `room`, for one step of an episode.
+
+    `unit` scales all lengths, and is 1 in a window of 1600 x 900.
+    """
+
+    surface: pygame.Surface
+    room: pygame.Rect
+    unit: float
+    view: EpisodeView
+    step: int
+    has_saliency: bool
+
+    def __post_init__(self) -> None:
+        self.numbers, self.world = self.view.telemetry, self.view.telemetry.world
+        self.down = float(self.room.top)
+        self.is_wide = self.room.width >= 380 * self.unit
+
+    def write(
+        self,
+        text: str,
+        x: float,
+        y: float,
+        colour: Colour = TEXT,
+        pixels: float = 13,
+        bold: bool = False,
+        across: float = 0.0,
+    ) -> float:
+        """Write a line with letters of `pixels` before scaling, as `pen.write` does."""
+        return pen.write(self.surface, text, (x, y), colour, max(9, round(pixels * self.unit)), bold, across)
+
+    def head(self, text: str) -> None:
+        """Begin a section."""
+        self.write(text, self.room.left, self.down + 8 * self.unit, FAINT)
+        self.down += 21 * self.unit
+
+    def bar(self, start: float, end: float, middle: float, height: float, colour: Colour) -> None:
+        """Draw a bar from one x to another."""
+        box = pygame.Rect(0, 0, max(1, round(abs(end - start))), round(height))
+        box.midleft = (round(min(start, end)), round(middle))
+        pygame.draw.rect(self.surface, colour, box)
+
+    def network_view(self) -> None:
+        """Draw what the network sees, and the saliency over it."""
+        heat = self.view.salience(self.step) if self.has_saliency else None
+        if self.view.sees_numbers:
+            self.head("the scene, which the network sees as numbers")
+        elif not self.has_saliency:
+            self.head(f"network's view, {scene.SIZE} \N{MULTIPLICATION SIGN} {scene.SIZE}")
+        else:
+            self.head("no saliency without a network" if heat is None else "orange: what moves the highest Q")
+        available = min(self.room.width, (420 if self.is_wide else 252) * self.unit)
+        side = scene.SIZE * max(1, int(available // scene.SIZE))
+        box = pygame.Rect(self.room.left, round(self.down), side, side)
+        self.surface.blit(pen.from_array(self.view.see(self.step).cpu().numpy(), side), box)
+        if heat is not None:
+            over = np.empty((*heat.shape, 4), dtype=np.uint8)
+            over[..., :3], over[..., 3] = HEAT, (245 * heat).astype(np.uint8)
+            glow = pygame.image.frombuffer(over.tobytes(), heat.shape, "RGBA")
+            self.surface.blit(pygame.transform.smoothscale(glow, (side, side)), box)
+        pygame.draw.rect(self.surface, RULE, box.inflate(2, 2), 1)
+        self.down += side + 14 * self.unit
+
+    def values(self) -> None:
+        """Write the action of this step, the time, the value, the return and distances."""
+        numbers, world, step = self.numbers, self.world, self.step
+        chosen, q = numbers.action(step), numbers.q(step)
+        items = [(TEXT, f"step {step} of {world.max_steps}, {step * world.dt:g} s")]
+        if chosen is not None:
+            speed, turn = world.actions[chosen]
+            side = "keep course" if turn == 0 else "to port" if turn > 0 else "to starboard"
+            items.insert(0, (CHOSEN, f"a{chosen + 1}, {side}: {speed:g} m/s, {number(turn, 'g')} rad/s"))
+        if q is not None:
+            items.append((TEXT, f"value V {number(float(q.mean()), '.3f')}"))
+        items.append((TEXT, f"return so far {number(float(numbers.total[step]), '.1f')}"))
+        items.append((TEXT, f"{numbers.goal_distance[step]:.0f} m to the goal"))
+        if numbers.ships.size:
+            closest = float(numbers.closest[step].min())
+            # With one decimal: a pass at 45.1 m is no collision, one at 44.9 m is.
+            is_danger = closest < world.safe_distance
+            items.append((DANGER if is_danger else TEXT, f"closest so far {closest:.1f} m"))
+        room = pygame.Rect(self.room.left, self.down, self.room.width, 0)
+        self.down = pen.flow(self.surface, items, room, max(9, round(15 * self.unit)))
+
+    def q_values(self) -> None:
+        """Draw a bar for each action from the value V to its Q, and mark the chosen action.
+
+        The bar is the advantage. The dueling network subtracts the mean of its advantages, so V is the mean
+        of Q. Q differs more between steps than between actions, so each step has its own scale.
+        """
+        unit, room = self.unit, self.room
+        q, chosen = self.numbers.q(self.step), self.numbers.action(self.step)
+        pitch, left = (26 * unit, 190 * unit) if self.is_wide else (22 * unit, 46 * unit)
+        half = (room.width - 64 * unit - left) / 2
+        zero, bottom = room.left + left + half, self.down + 21 * unit + len(self.world.actions) * pitch
+        self.head("actions (no Q-values)" if self.numbers.q_values is None else "actions")
+        for k in range(len(self.world.actions)):
+            middle, is_chosen = self.down + (k + 0.5) * pitch, k == chosen
+            colour = CHOSEN if is_chosen else TEXT
+            if is_chosen:
+                row = pygame.Rect(0, 0, room.width + 8, round(pitch))
+                row.midleft = (room.left - 4, round(middle))
+                pygame.draw.rect(self.surface, blend(CHOSEN, BACKGROUND, 0.16), row, border_radius=4)
+            name = f"a{k + 1}" + (" \N{BLACK LEFT-POINTING POINTER}" if is_chosen else "")
+            self.write(name, room.left, middle, colour, bold=is_chosen)
+            if self.is_wide or q is None:
+                shade = TEXT if is_chosen else FAINT
+                self.write(action_text(self.world, k), room.left + 48 * unit, middle, shade)
+            if q is not None:
+                end = zero + half * float(q[k] - q.mean()) / max(1e-6, float(np.abs(q - q.mean()).max()))
+                self.bar(zero, end, middle, 0.6 * pitch, CHOSEN if is_chosen else BAR)
+                self.write(number(float(q[k]), ".3f"), room.right, middle, colour, bold=is_chosen, across=1)
+        if q is not None:
+            self.write("value V", zero, self.down - 13 * unit, SKY, across=0.5)
+            self.write("Q", room.right, self.down - 13 * unit, FAINT, across=1)
+            pygame.draw.aaline(self.surface, SKY, (zero, self.down), (zero, bottom), 2)
+        self.down = bottom + 18 * unit
+
+    def ships(self) -> None:
+        """Write each target ship's distance, and how close it comes if all keep course and speed."""
+        numbers, step, unit, room = self.numbers, self.step, self.unit, self.room
+        count = numbers.ships.shape[1]
+        if not count:
+            self.head("no target ships")
+            return
+        about = "; DCPA and TCPA if all keep course and speed" if self.is_wide else ""
+        self.head(f"target ships{about}")
+        rows = [(("ship", "distance", "closest", "DCPA", "TCPA"), (FAINT,) * 5)]
+        for k in range(count):
+            time, is_danger = float(numbers.tcpa[step, k]), numbers.is_danger(step, k)
+            cells = (
+                f"{k + 1}",
+                f"{numbers.apart[step, k]:.0f} m",
+                f"{numbers.closest[step, k]:.1f} m",
+                f"{'! ' if is_danger else ''}{numbers.dcpa[step, k]:.0f} m",
+                f"{time:.0f} s" if time > 0 else "passed",
+            )
+            warning = YELLOW if is_danger else TEXT
+            rows.append((cells, (scene.TARGET, TEXT, TEXT, warning, warning)))
+        columns = (0, 1, 2, 3, 4) if self.is_wide else (0, 1, 3, 4)
+        pitch, size, first = (26, 14, 40) if self.is_wide else (22, 13, 30)
+        gap = (room.width - first * unit) / (len(columns) - 1)
+        # Eight ships in a small window are closer together.
+        low = min(pitch * unit, (room.bottom - self.down) / len(rows))
+        letters = max(9, min(round(size * unit), round(low * 0.72)))
+        for cells, colours in rows:
+            for place, k in enumerate(columns):
+                at = (room.left + first * unit + gap * place, self.down + low / 2)
+                is_bold = colours[k] in (scene.TARGET, YELLOW)
+                pen.write(self.surface, cells[k], at, colours[k], letters, is_bold, across=1)
+            self.down += low
+
+
+class Arrangement(NamedTuple):
+    """What stands where in a window; lengths in pixels of a window of `size`.
+
+    `columns` are sections beside a scene, together at least `beside` wide; the heights are of a legend, of a
+    row of values below it, and of the graphs, or 0.
+    """
+
+    size: Size
+    columns: tuple[tuple[Callable[[Panel], None], ...], ...]
+    beside: int
+    legend: int
+    values: int
+    graphs: int
+
+
+COLUMNS = (Panel.network_view, Panel.values), (Panel.q_values, Panel.ships)
+# Of one episode; in a narrow window, or of each of two episodes; and in a window too small for graphs.
+WIDE = Arrangement((1600, 900), COLUMNS, 840, 44, 0, 166)
+NARROW = Arrangement((800, 900), ((Panel.network_view, Panel.q_values, Panel.ships),), 284, 66, 48, 166)
+SMALL = Arrangement((920, 520), COLUMNS, 446, 44, 0, 0)
 
 
 @dataclass(frozen=True)
@@ -50,24 +234,22 @@ class Layout:
     """
 
     def __init__(self, size: Size, count: int) -> None:
-        is_narrow = count > 1 or size[0] < NARROW_SHAPE * size[1]
-        share = min(size[0] / WIDE_SIZE[0], size[1] / WIDE_SIZE[1])
-        is_small = not is_narrow and share < SMALL_SHARE
-        self.columns = NARROW if is_narrow else SMALL if is_small else WIDE
-        whole = NARROW_SIZE if is_narrow else SMALL_SIZE if is_small else WIDE_SIZE
-        self.unit = unit = max(0.3, min(size[0] / whole[0] / count, size[1] / whole[1]))
-        self.pad, head, graphs = round(14 * unit), round(46 * unit), 0 if is_small else round(166 * unit)
+        share = min(size[0] / WIDE.size[0], size[1] / WIDE.size[1])
+        self.kind = kind = SMALL if share < SMALL_SHARE else WIDE
+        if count > 1 or size[0] < NARROW_RATIO * size[1]:
+            self.kind = kind = NARROW
+        self.unit = unit = max(0.3, min(size[0] / kind.size[0] / count, size[1] / kind.size[1]))
+        self.pad, graphs = round(14 * unit), round(kind.graphs * unit)
         self.title = round(30 * unit) if count > 1 else 0
-        self.legend = round((66 if is_narrow or unit < 0.75 else 44) * unit)
-        # A narrow layout has a row of values below the legend.
-        self.values = round(58 * unit) if is_narrow else 0
-        least = round((284 if is_narrow else 446 if is_small else 840) * unit)
+        # Small letters are relatively wider, so the legend has more lines.
+        self.legend = round((66 if unit < 0.75 else kind.legend) * unit)
+        self.values = round(kind.values * unit)
         self.width = (size[0] - self.pad * (count + 1)) // count
-        self.top = head + self.title
+        self.top = round(46 * unit) + self.title
         bottom = size[1] - graphs - self.pad // 2
         self.strip = pygame.Rect(self.pad, bottom, size[0] - 2 * self.pad, graphs)
         room = bottom - self.top - self.legend - self.values - self.pad
-        self.side = min(room, self.width - least - self.pad)
+        self.side = min(room, self.width - round(kind.beside * unit) - self.pad)
 
     def scene(self, lane: int) -> pygame.Rect:
         """Return the place of a scene; its legend is below."""
@@ -101,7 +283,10 @@ def draw_dashboard(
         frame = map_frame(telemetries, layout.side)
         if look.relative:
             frame = relative_frame(view.telemetry.at(position)[0], layout.side)
-        paint_scene(surface.subsurface(layout.scene(k)), view.telemetry, position, frame, look.large)
+        place = layout.scene(k)
+        paint_scene(surface.subsurface(place), view.telemetry, position, frame, look.large)
+        legend, letters = pygame.Rect(place.bottomleft, (layout.side, layout.legend)), round(13 * layout.unit)
+        draw_legend(surface, legend, view.telemetry.world, max(9, letters), frame.scale, look.large)
     for graph in _make_graphs(size, some):
         graph.draw(surface, position)
     if help_lines:
@@ -125,14 +310,12 @@ def _draw_still(size: Size, views: Views, steps: tuple[int, ...], look: Look, st
         if len(views) > 1:
             words = pen.cut(f"{'AB'[k]}  {view.title}", layout.width, letters, True)
             pen.write(surface, words, (scene.left, scene.top - layout.title / 2), PAIR[k], letters, True)
-        legend = pygame.Rect(scene.bottomleft, (layout.side, layout.legend))
-        draw_legend(surface, legend, view.telemetry.world, max(9, round(13 * unit)), look.large)
         if layout.values:
-            row = pygame.Rect(legend.bottomleft, (layout.side, layout.values))
+            row = pygame.Rect(scene.left, scene.bottom + layout.legend, layout.side, layout.values)
             Panel(surface, row, unit, view, step, look.saliency).values()
-        gap, count = round(28 * unit), len(layout.columns)
+        gap, count = round(28 * unit), len(layout.kind.columns)
         width = (beside.width - gap * (count - 1)) // count
-        for column, sections in enumerate(layout.columns):
+        for column, sections in enumerate(layout.kind.columns):
             room = pygame.Rect(beside.left + column * (width + gap), beside.top, width, beside.height)
             panel = Panel(surface, room, unit, view, step, look.saliency)
             for draw in sections:
@@ -149,7 +332,7 @@ def _make_graphs(size: Size, views: Views) -> list[Graph]:
 
 def _draw_header(surface: pygame.Surface, views: Views, status: str, unit: float) -> None:
     """Write case, title and ideal path at the left, and the status at the right."""
-    case, middle, size, small = views[0].telemetry.case, 24 * unit, round(19 * unit), round(15 * unit)
+    case, middle, size, small = views[0].case, 24 * unit, round(19 * unit), round(15 * unit)
     right = surface.get_width() - 14 * unit
     pen.write(surface, status, (right, middle), CHOSEN, small, True, across=1)
     edge = right - 14 * unit - pen.width_of(status, small, True)

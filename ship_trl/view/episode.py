@@ -37,15 +37,12 @@ Numbers = NDArray[np.float64]
 MOMENTS_PER_STEP = 20
 # Pixels by which the gradient is blurred: single pixels show the stride of the first layer.
 BLUR = 1.5
-# Letters of a title.
-MAX_TITLE = 44
 
 
 class Telemetry:
     """The numbers of an episode so far, of T steps and K target ships, in metres, seconds and radians.
 
     Args:
-        case: its name and ideal path are shown.
         world: physics and reward.
         states: states float [T + 1, S], see `sim.state`.
         actions: indices of the actions taken, int64 [T].
@@ -65,11 +62,8 @@ class Telemetry:
         outcome: goal, collision or timeout; None while the episode has not ended.
     """
 
-    def __init__(
-        self, case: Case, world: World, states: Tensor, actions: Tensor, q_values: Tensor | None = None
-    ) -> None:
-        self.case, self.world = case, world
-        transition = Transition(world)
+    def __init__(self, world: World, states: Tensor, actions: Tensor, q_values: Tensor | None = None) -> None:
+        self.world, transition = world, Transition(world)
         # Of a suite, empty places for target ships are left out.
         states = select_ships(states, range(int(states[0, SHIP_COUNT])))
         after = transition(states[:-1], actions)
@@ -125,9 +119,9 @@ class Telemetry:
         return bool(self.tcpa[step, ship] > 0 and self.dcpa[step, ship] < self.world.safe_distance)
 
 
-def measure_episode(case: Case, world: World, episode: Episode) -> Telemetry:
+def measure_episode(world: World, episode: Episode) -> Telemetry:
     """Measure a finished episode."""
-    return Telemetry(case, world, episode.states, episode.actions, episode.q_values)
+    return Telemetry(world, episode.states, episode.actions, episode.q_values)
 
 
 def _numbers(values: Tensor) -> Numbers:
@@ -141,20 +135,18 @@ def _return_so_far(rewards: Tensor) -> Numbers:
 
 @dataclass(frozen=True, eq=False)
 class EpisodeView:
-    """An episode, finished or not, and its title."""
+    """An episode of a case, finished or not, and its title."""
 
+    case: Case
     title: str
     telemetry: Telemetry
     rasteriser: Rasteriser
     network: DuelingNetwork | None = None
 
-    def _pixels(self, step: int) -> Tensor:
+    def see(self, step: int) -> Tensor:
+        """Draw the scene at a step as a network sees pixels: uint8 [C, 84, 84]."""
         state = torch.from_numpy(self.telemetry.states[step]).float()
         return self.rasteriser(state.to(self.rasteriser.device))
-
-    def see(self, step: int) -> NDArray[np.uint8]:
-        """Draw the scene at a step as a network sees pixels: uint8 [C, 84, 84]."""
-        return self._pixels(step).cpu().numpy()
 
     @property
     def sees_numbers(self) -> bool:
@@ -165,7 +157,7 @@ class EpisodeView:
         """Return the `saliency` at a step, or None without a network that sees pixels."""
         if self.network is None or self.sees_numbers:
             return None
-        return saliency(self.network, self._pixels(step))
+        return saliency(self.network, self.see(step))
 
 
 def view_entry(entry: Entry, seed: int, episode: int = 1) -> EpisodeView:
@@ -174,15 +166,10 @@ def view_entry(entry: Entry, seed: int, episode: int = 1) -> EpisodeView:
     Raises:
         ConfigError: the policy cannot be loaded.
     """
-    env, policy, episodes = rollout_entry(entry, 1, seed)
-    title = entry.label
-    while len(title) > MAX_TITLE and "/" in title:
-        # The end of a path says more than its first folders.
-        title = title.split("/", 1)[1]
-    if episode > 1:
-        title += f", episode {episode}"
-    telemetry = measure_episode(first_case(entry.suite, episodes[0].states[0]), entry.world, episodes[0])
-    return EpisodeView(title, telemetry, env.rasteriser, network_of(policy))
+    env, policy, (first, *_) = rollout_entry(entry, 1, seed)
+    title = entry.label + (f", episode {episode}" if episode > 1 else "")
+    case, telemetry = first_case(entry.suite, first.states[0]), measure_episode(entry.world, first)
+    return EpisodeView(case, title, telemetry, env.rasteriser, network_of(policy))
 
 
 def saliency(network: DuelingNetwork, pixels: Tensor) -> NDArray[np.float32]:

@@ -21,7 +21,7 @@ from ship_trl.sim import scene
 from ship_trl.sim.cases import Case
 from ship_trl.sim.render import Rasteriser
 from ship_trl.view import pen
-from ship_trl.view.dashboard import SMALL_SIZE, Look, draw_dashboard
+from ship_trl.view.dashboard import SMALL, Look, draw_dashboard
 from ship_trl.view.episode import EpisodeView, measure_episode
 from ship_trl.view.style import GOAL_MARK, OUTCOMES
 
@@ -35,24 +35,18 @@ EXACT = (*SCENE, GOAL_MARK, *OUTCOMES.values())
 
 
 def draw_film(
-    acts: Sequence[Sequence[EpisodeView]],
-    look: Look,
-    size: tuple[int, int],
-    frames_per_second: float,
-    speed: float,
+    views: Sequence[EpisodeView], look: Look, size: tuple[int, int], frames_per_second: float, speed: float
 ) -> Iterator[pygame.Surface]:
-    """Draw the frames of a film; each is a new surface.
+    """Draw the frames of one episode, or of two side by side; each is a new surface.
 
-    Each act is one episode, or two side by side; `speed` is simulated seconds per second of the film.
+    `speed` is simulated seconds per second of the film.
     """
-    for views in acts:
-        steps = max(view.telemetry.steps for view in views)
-        advance = speed / frames_per_second / views[0].telemetry.world.dt
-        moving = math.ceil(steps / advance)
-        for frame in range(moving + max(1, round(LAST_SECONDS * frames_per_second))):
-            surface = pen.new_surface(*size)
-            draw_dashboard(surface, views, min(frame * advance, float(steps)), look)
-            yield surface
+    steps = max(view.telemetry.steps for view in views)
+    advance = speed / frames_per_second / views[0].telemetry.world.dt
+    for frame in range(math.ceil(steps / advance) + max(1, round(LAST_SECONDS * frames_per_second))):
+        surface = pen.new_surface(*size)
+        draw_dashboard(surface, views, min(frame * advance, float(steps)), look)
+        yield surface
 
 
 def write_gif(
@@ -68,8 +62,8 @@ def write_gif(
 
     The rasteriser draws what the network saw; `title` stands beside the name of the case.
     """
-    view = EpisodeView(title, measure_episode(case, world, episode), rasteriser, network)
-    frames = draw_film([[view]], Look(), SMALL_SIZE, STEPS_PER_SECOND, STEPS_PER_SECOND * world.dt)
+    view = EpisodeView(case, title, measure_episode(world, episode), rasteriser, network)
+    frames = draw_film([view], Look(), SMALL.size, STEPS_PER_SECOND, STEPS_PER_SECOND * world.dt)
     write_film(Path(path), frames, STEPS_PER_SECOND)
 
 

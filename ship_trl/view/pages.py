@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections import Counter
 from collections.abc import Sequence
-from itertools import accumulate, pairwise
+from itertools import accumulate
 from pathlib import Path
 
 import pygame
@@ -17,18 +17,9 @@ from ship_trl.fast.worlds import make_rasteriser
 from ship_trl.learn.rollout import Episode
 from ship_trl.sim import scene
 from ship_trl.sim.cases import Case
-from ship_trl.sim.encounter import (
-    Encounter,
-    are_ruled,
-    classify,
-    own_velocity,
-    relative_motion,
-    ship_velocities,
-)
+from ship_trl.sim.encounter import Encounter, are_ruled, classify, relative_motion
 from ship_trl.sim.state import (
-    HEADING,
     SHIP_COUNT,
-    SHIP_HEADING,
     SHIP_Y,
     goal,
     goal_distance,
@@ -38,40 +29,27 @@ from ship_trl.sim.state import (
 )
 from ship_trl.sim.transition import Transition
 from ship_trl.view import pen
-from ship_trl.view.episode import Numbers
+from ship_trl.view.episode import measure_episode
 from ship_trl.view.painter import (
-    MARGIN as AROUND_ALL,
-)
-from ship_trl.view.painter import (
+    VECTOR_TIME,
     Projection,
-    draw_goal,
-    draw_legend,
-    draw_safe_ring,
     draw_scene,
-    draw_water,
     hull_length,
+    paint_scene,
+    still,
 )
-from ship_trl.view.style import (
-    BACKGROUND,
-    FAINT,
-    OUTCOMES,
-    RULE,
-    TEXT,
-    YELLOW,
-    Colour,
-    circle_names,
-    counted,
-)
+from ship_trl.view.style import BACKGROUND, FAINT, OUTCOMES, TEXT, YELLOW, Colour, circle_names, counted
 
-# Pixels of pages of starts and of paths: small pictures in columns, with captions.
-WIDTH, MARGIN, LINE = 1200, 16, 17
-STARTS, START_GAP, START_NAME = 5, 16, 22
-PATHS, PATH_GAP, PATH_NAME, TITLE, CAPTION = 8, 10, 15, 34, 36
-START_PICTURE = (WIDTH - 2 * MARGIN - (STARTS - 1) * START_GAP) // STARTS
-PATH_PICTURE = (WIDTH - 2 * MARGIN - (PATHS - 1) * PATH_GAP) // PATHS
+# Pixels around and between pictures, and of the sides of pictures.
+MARGIN, GAP = 16, 12
+START_SIDE, PATH_SIDE, SHEET_SIDE = 220, 140, 3 * scene.SIZE
+# Pictures in a row.
+STARTS, PATHS, SHEETS = 5, 8, 4
 MAX_PATHS, MAX_TITLE = 48, 52
-# Seconds of the way ahead of a start, and between marks on a path; metres around start and goal of paths.
-AHEAD, MARK_TIME, AROUND_PATHS = 20.0, 10.0, 40.0
+# Seconds of the way ahead of a start: the ships of Imazu's problems meet after these.
+AHEAD = 20.0
+# Metres around the scenes, and around start and goal of paths.
+AROUND_SCENES, AROUND_PATHS = 90.0, 40.0
 FAILURES = ("collision", "timeout", "goal")
 CLASSES: dict[Encounter, tuple[str, Colour]] = {
     Encounter.HEAD_ON: ("head-on", (255, 110, 100)),
@@ -81,11 +59,10 @@ CLASSES: dict[Encounter, tuple[str, Colour]] = {
     Encounter.OVERTAKEN: ("overtaken", (215, 140, 185)),
     Encounter.NONE: ("no encounter", FAINT),
 }
-# Pixels of the sheet, whose rows are of single cases; steps between the two moments shown: at the second one
-# the ships of the paper's cases are near.
-SHEET_PICTURE, SHEET_GAP, SHEET_MARGIN, LABEL, HEAD, LEGEND = 3 * scene.SIZE, 12, 20, 176, 50, 58
-SHEET_WIDTH = 2 * SHEET_MARGIN + LABEL + 4 * SHEET_PICTURE + 3 * SHEET_GAP
+# Steps between the two moments of a sheet: at the second one the ships of the paper's cases are near.
 SHEET_STEPS = 12
+# A line of text: its words, letters in pixels, and colour.
+Line = tuple[str, int, Colour]
 
 
 def encounter_classes(state: Tensor) -> list[Encounter]:
@@ -95,13 +72,12 @@ def encounter_classes(state: Tensor) -> list[Encounter]:
     return [Encounter(one) for one in found[: int(state[SHIP_COUNT])]]
 
 
-def class_captions(state: Tensor) -> list[tuple[str, Colour]]:
-    """Return a text and a colour for each encounter class in a state [S], such as "give way, 2 ships"."""
+def class_captions(state: Tensor) -> list[Line]:
+    """Return a caption for each encounter class in a state [S], such as "give way, 2 ships"."""
     classes = encounter_classes(state)
     found = [(classes.count(one), *about) for one, about in CLASSES.items() if one in classes]
-    return [(name + (f", {count} ships" if count > 1 else ""), colour) for count, name, colour in found] or [
-        ("no target ships", FAINT)
-    ]
+    lines = [(name + (f", {count} ships" if count > 1 else ""), 13, colour) for count, name, colour in found]
+    return lines or [("no target ships", 13, FAINT)]
 
 
 def write_case_page(path: Path, names: Sequence[str], states: Tensor, world: World) -> None:
@@ -109,28 +85,18 @@ def write_case_page(path: Path, names: Sequence[str], states: Tensor, world: Wor
 
     All pictures have one scale, and the middle of the way from start to goal in the middle.
     """
-    captions = [class_captions(state) for state in states]
-    lines = [max(map(len, captions[k : k + STARTS])) for k in range(0, len(captions), STARTS)]
-    heights = (START_PICTURE + START_NAME + LINE * count + START_GAP for count in lines)
-    tops = list(accumulate(heights, initial=MARGIN))
-    width = 2 * (max(map(_reach, states)) + AROUND_ALL)
-    expected, safe = circle_names(world)
-    hull = hull_length(world, START_PICTURE / width)
-    page = _new_page(
-        tops[-1],
-        f"north up, width {width:.0f} m; lines: {AHEAD:g} s on course, in the colour of the class",
-        f"blue: goal, {expected}; around own ship: {safe}; hulls drawn {hull:.0f} m long; classes by "
-        "Pedersen's sectors",
+    width = 2 * (max(map(_reach, states)) + AROUND_SCENES)
+    cells = [
+        (draw_start(state, world, START_SIDE, width), [(name, 16, TEXT), *class_captions(state)])
+        for name, state in zip(names, states, strict=True)
+    ]
+    (expected, safe), hull = circle_names(world), hull_length(world, START_SIDE / width)
+    scale = f"north up, width {width:.0f} m; hulls drawn {hull:.0f} m long; blue: goal, {expected}"
+    footer = (
+        f"{scale}; around own ship: {safe}",
+        f"lines: {AHEAD:g} s ahead, in the colour of the class; classes by Pedersen's sectors",
     )
-    for place, (name, state) in enumerate(zip(names, states, strict=True)):
-        left, top = MARGIN + place % STARTS * (START_PICTURE + START_GAP), tops[place // STARTS]
-        page.blit(draw_start(state, world, START_PICTURE, width), (left, top))
-        down = top + START_PICTURE + 0.55 * START_NAME
-        pen.write(page, pen.cut(name, START_PICTURE, 16, True), (left, down), TEXT, 16, True)
-        for text, colour in captions[place]:
-            down += LINE
-            pen.write(page, text, (left, down), colour, 13)
-    pen.save(page, path)
+    _write_page(path, cells, STARTS, footer)
 
 
 def write_episode_page(
@@ -147,101 +113,117 @@ def write_episode_page(
     """
     ends = Counter(one.outcome for one in episodes)
     order = sorted(range(len(episodes)), key=lambda k: FAILURES.index(episodes[k].outcome))[:MAX_PATHS]
-    lines = 1 + max(name.count("\n") for name in names)
-    height = PATH_PICTURE + CAPTION + (lines - 1) * PATH_NAME + PATH_GAP
     reach = max(float(goal_distance(one.states[0])) / 2 for one in episodes)
     width = 2 * (reach + world.goal_distance + AROUND_PATHS)
+    cells = []
+    for one, name in ((episodes[k], names[k]) for k in order):
+        near = f", {one.dcpa:.0f} m" if math.isfinite(one.dcpa) else ""
+        end = f"{one.outcome} {one.length * world.dt:.0f} s{near}", 12, OUTCOMES[one.outcome]
+        lines: list[Line] = [*((line, 13, TEXT) for line in name.split("\n")), end]
+        cells.append((draw_paths(one, world, PATH_SIDE, width), lines))
+    shown = f", {len(order)} shown" if len(order) < len(episodes) else ""
+    # The end of a long path says most; the counts stand beside it.
+    title = title if len(title) <= MAX_TITLE else f"...{title[-MAX_TITLE:]}"
+    header: list[Line] = [(f"{title}: {counted(len(episodes), 'episode')}{shown}", 18, TEXT)]
+    header += [(f"{outcome} {ends[outcome]}", 15, OUTCOMES[outcome]) for outcome in FAILURES]
     expected, safe = circle_names(world)
-    page = _new_page(
-        MARGIN + TITLE + math.ceil(len(order) / PATHS) * height,
-        f"north up, width {width:.0f} m; a mark every {MARK_TIME:g} s; ships where the episode ends",
+    footer = (
+        f"north up, width {width:.0f} m; a dot a step, a larger one every ten; ships where the episode ends",
         f"captions: end, time, least distance; blue: goal, {expected}; around own ship: {safe}",
     )
-    shown = f", {len(order)} shown" if len(order) < len(episodes) else ""
-    # The end of a long path says most; the legend stands beside it.
-    title = title if len(title) <= MAX_TITLE else f"...{title[-MAX_TITLE:]}"
-    text = f"{title}: {counted(len(episodes), 'episode')}{shown}"
-    end = pen.write(page, text, (MARGIN, MARGIN + TITLE / 3), TEXT, 18, True)
-    for outcome in FAILURES:
-        text = f"{outcome} {ends[outcome]}"
-        end = pen.write(page, text, (end + 2 * PATH_GAP, MARGIN + TITLE / 3), OUTCOMES[outcome], 15)
-    for place, index in enumerate(order):
-        one = episodes[index]
-        left = MARGIN + place % PATHS * (PATH_PICTURE + PATH_GAP)
-        top = MARGIN + TITLE + place // PATHS * height
-        page.blit(draw_paths(one, world, PATH_PICTURE, width), (left, top))
-        near = f", {one.dcpa:.0f} m" if math.isfinite(one.dcpa) else ""
-        caption = f"{one.outcome} {one.length * world.dt:.0f} s{near}"
-        y = top + PATH_PICTURE + 10
-        for name in names[index].split("\n"):
-            pen.write(page, pen.cut(name, PATH_PICTURE, 13, True), (left, y), TEXT, 13, True)
-            y += PATH_NAME
-        pen.write(page, pen.cut(caption, PATH_PICTURE, 12), (left, y + 1), OUTCOMES[one.outcome], 12)
+    _write_page(path, cells, PATHS, footer, header)
+
+
+def write_contact_sheet(path: Path, cases: Sequence[Case], world: World) -> None:
+    """Write a PNG with a row for each case, as people see it and as the network does.
+
+    A row has a picture of the start, and one after keeping course for `SHEET_STEPS` steps. The network's view
+    of this moment follows, in grey and in colour.
+    """
+    cells = []
+    for case in cases:
+        start = initial_state(case, world)
+        later, straight = start[None], torch.tensor([world.straight_action])
+        for _ in range(SHEET_STEPS):
+            later = Transition(world)(later, straight).state
+        pictures = [draw_scene(world, state, SHEET_SIDE, start) for state in (start, later[0])]
+        for colour in (False, True):
+            seen = make_rasteriser(world, colour=colour)(later[0]).numpy()
+            pictures.append(pen.from_array(seen, SHEET_SIDE))
+        about: list[Line] = [(f"case {case.name}", 16, TEXT), (f"ideal path: {case.ideal_path}", 13, TEXT)]
+        captions = (
+            [*about, *class_captions(start)],
+            [(f"after {SHEET_STEPS * world.dt:g} s on this course", 13, FAINT)],
+            [(f"as the network sees it, {scene.SIZE} \N{MULTIPLICATION SIGN} {scene.SIZE}", 13, FAINT)],
+            [("the same in colour", 13, FAINT)],
+        )
+        cells += zip(pictures, captions, strict=True)
+    expected, safe = circle_names(world)
+    lengths = f"{scene.OWN_LENGTH:g} and {scene.TARGET_LENGTH:g} m"
+    footer = (
+        f"white: own ship; green: target ships; lines: {VECTOR_TIME:g} s ahead; blue: goal, {expected}",
+        f"the network sees hulls of {lengths}; around own ship, black: {safe}, red: {expected}",
+    )
+    _write_page(path, cells, SHEETS, footer)
+
+
+def _write_page(
+    path: Path,
+    cells: Sequence[tuple[pygame.Surface, Sequence[Line]]],
+    columns: int,
+    footer: Sequence[str],
+    header: Sequence[Line] = (),
+) -> None:
+    """Write square pictures in rows with captions below them, a header in one line, and lines of a footer."""
+    side = cells[0][0].get_width()
+    rows = [cells[k : k + columns] for k in range(0, len(cells), columns)]
+    heights = [side + GAP + max(sum(map(_height, lines)) for _, lines in row) for row in rows]
+    tops = list(accumulate(heights, initial=MARGIN + 34 * bool(header)))
+    page = pen.new_surface(
+        2 * MARGIN + columns * (side + GAP) - GAP, tops[-1] + len(footer) * 17 + MARGIN, BACKGROUND
+    )
+    x = float(MARGIN)
+    for text, size, colour in header:
+        x = pen.write(page, text, (x, MARGIN + 11), colour, size, size > 15) + 20
+    for top, row in zip(tops, rows, strict=False):
+        for place, (picture, lines) in enumerate(row):
+            left, down = MARGIN + place * (side + GAP), float(top + side)
+            page.blit(picture, (left, top))
+            for line in lines:
+                text, size, colour = line
+                is_name = line is lines[0] and len(lines) > 1
+                at = left, down + _height(line) / 2
+                pen.write(page, pen.cut(text, side, size, is_name), at, colour, size, is_name)
+                down += _height(line)
+    for k, text in enumerate(footer):
+        pen.write(page, text, (MARGIN, tops[-1] + (k + 0.5) * 17), FAINT, 13)
     pen.save(page, path)
 
 
-def _new_page(bottom: int, *footer: str) -> pygame.Surface:
-    """Make a page for pictures down to `bottom`, with lines below them that explain them."""
-    page = pen.new_surface(WIDTH, bottom + len(footer) * LINE + MARGIN, BACKGROUND)
-    for line, text in enumerate(footer):
-        pen.write(page, text, (MARGIN, bottom + (line + 0.5) * LINE), FAINT, 13)
-    return page
+def _height(line: Line) -> int:
+    return round(1.35 * line[1])
 
 
 def draw_start(state: Tensor, world: World, side: int, width: float) -> pygame.Surface:
     """Draw a state [S] as a square of `width` metres; the colour of a ship's way is that of its class."""
-    classes = encounter_classes(state)
-    own, ships = state[: HEADING + 1], target_ships(state)[: len(classes), : SHIP_HEADING + 1]
-    poses = torch.cat((own[None], ships)).double().numpy()
-    ways = torch.cat((own_velocity(state)[None], ship_velocities(state)[: len(classes)])).double().numpy()
-    picture, frame = _begin_picture(state, world, side, width)
-    draw_safe_ring(picture, frame, world, poses[0])
-    colours = [scene.OWN, *(CLASSES[one][1] for one in classes)]
-    for pose, way, colour in zip(poses, ways, colours, strict=True):
-        ahead = frame.point(*(pose[:2] + AHEAD * way))
-        pen.strip(picture, colour, frame.point(*pose[:2]), ahead, 2)
-        pen.circle(picture, colour, ahead, 3)
-    _draw_hulls(
-        picture, frame, world, [(pose, scene.TARGET if k else scene.OWN) for k, pose in enumerate(poses)]
-    )
+    telemetry, picture = still(world, state), pen.new_surface(side, side)
+    ways = [scene.OWN, *(CLASSES[one][1] for one in encounter_classes(state))]
+    paint_scene(picture, telemetry, 0.0, _frame(state, side, width), ways=ways, ahead=AHEAD)
     return picture
 
 
 def draw_paths(episode: Episode, world: World, side: int, width: float) -> pygame.Surface:
     """Draw an episode's paths as a square of `width` metres; own ship's has the colour of the outcome."""
-    states, colour = episode.states.double(), OUTCOMES[episode.outcome]
-    picture, frame = _begin_picture(states[0], world, side, width)
-    ships = target_ships(states)[:, : int(states[0, SHIP_COUNT])]
-    tracks = [(FAINT, ships[:, k, : SHIP_HEADING + 1].numpy(), scene.TARGET) for k in range(ships.shape[1])]
-    tracks.append((colour, states[:, : SHIP_HEADING + 1].numpy(), scene.OWN))
-    every = max(1, round(MARK_TIME / world.dt))
-    for shade, poses, _ in tracks:
-        places = frame.points(poses[:, :2]).tolist()
-        for one, other in pairwise(places):
-            pen.strip(picture, shade, one, other, 2.5 if shade == colour else 1.2)
-        for mark in places[::every]:
-            pen.circle(picture, shade, mark, 2)
-    draw_safe_ring(picture, frame, world, position(states[-1]).numpy(), episode.outcome == "collision")
-    _draw_hulls(picture, frame, world, [(poses[-1], hull) for _, poses, hull in tracks])
+    telemetry, picture = measure_episode(world, episode), pen.new_surface(side, side)
+    frame = _frame(episode.states[0], side, width)
+    paint_scene(picture, telemetry, telemetry.steps, frame, track=OUTCOMES[episode.outcome])
     return picture
 
 
-def _begin_picture(state: Tensor, world: World, side: int, width: float) -> tuple[pygame.Surface, Projection]:
-    """Draw water and goal around the middle of the way from own ship to the goal in a state [S]."""
-    start, end = position(state), goal(state)
-    x, y = ((start + end) / 2).tolist()
-    frame = Projection(x, y, math.pi / 2, side, side / width)
-    picture = draw_water(frame).copy()
-    draw_goal(picture, frame, world, start.double().numpy(), end.double().numpy())
-    return picture, frame
-
-
-def _draw_hulls(
-    picture: pygame.Surface, frame: Projection, world: World, ships: Sequence[tuple[Numbers, Colour]]
-) -> None:
-    """Draw hulls to scale; a ship is its pose, x, y (m) and heading (rad), and its colour."""
-    for pose, colour in ships:
-        pen.polygon(picture, colour, frame.hull(pose, hull_length(world, frame.scale)))
+def _frame(state: Tensor, side: int, width: float) -> Projection:
+    """Return a north-up projection around the middle of the way from own ship to the goal in a state [S]."""
+    x, y = ((position(state) + goal(state)) / 2).tolist()
+    return Projection(x, y, math.pi / 2, side, side / width)
 
 
 def _reach(state: Tensor) -> float:
@@ -249,55 +231,3 @@ def _reach(state: Tensor) -> float:
     ships = target_ships(state)[: int(state[SHIP_COUNT]), : SHIP_Y + 1]
     middle = (position(state) + goal(state)) / 2
     return float((torch.cat((position(state)[None], ships)) - middle).abs().max())
-
-
-def write_contact_sheet(path: Path, cases: Sequence[Case], world: World) -> None:
-    """Write a PNG with a row for each case, as people see it and as the network does.
-
-    A row has the case's name, ideal path and encounter classes, a picture of the start, and one after keeping
-    course for `SHEET_STEPS` steps. The network's view of this moment follows, in grey and in colour.
-    """
-    bottom = HEAD + len(cases) * (SHEET_PICTURE + SHEET_GAP)
-    sheet = pen.new_surface(SHEET_WIDTH, bottom + LEGEND, BACKGROUND)
-    lefts = [SHEET_MARGIN + LABEL + column * (SHEET_PICTURE + SHEET_GAP) for column in range(4)]
-    heads = (
-        "at the start",
-        f"after {SHEET_STEPS * world.dt:g} s on this course",
-        f"as the network sees it, {scene.SIZE} \N{MULTIPLICATION SIGN} {scene.SIZE}",
-        "the same in colour",
-    )
-    for left, head in zip(lefts, heads, strict=True):
-        pen.write(sheet, head, (left, HEAD - 17), FAINT, 13)
-    for row, case in enumerate(cases):
-        top, width = HEAD + row * (SHEET_PICTURE + SHEET_GAP), LABEL - SHEET_GAP
-        start = initial_state(case, world)
-        _write_label(sheet, case, class_captions(start) if case.target_ships else [], top, width)
-        later, straight = start[None], torch.tensor([world.straight_action])
-        for _ in range(SHEET_STEPS):
-            later = Transition(world)(later, straight).state
-        pictures = [draw_scene(case, world, state, SHEET_PICTURE, start) for state in (start, later[0])]
-        for colour in (False, True):
-            seen = make_rasteriser(world, colour=colour)(later[0]).numpy()
-            pictures.append(pen.from_array(seen, SHEET_PICTURE))
-        for left, picture in zip(lefts, pictures, strict=True):
-            sheet.blit(picture, (left, top))
-    room = pygame.Rect(SHEET_MARGIN, bottom, SHEET_WIDTH - 2 * SHEET_MARGIN, LEGEND)
-    draw_legend(sheet, room, world, 13)
-    expected, safe = circle_names(world)
-    lengths = f"{scene.OWN_LENGTH:g} and {scene.TARGET_LENGTH:g} m"
-    text = f"the network sees hulls of {lengths}; around own ship, black: {safe}, red: {expected}"
-    pen.write(sheet, text, (SHEET_MARGIN, bottom + 38), FAINT, 13)
-    pen.save(sheet, path)
-
-
-def _write_label(
-    sheet: pygame.Surface, case: Case, classes: Sequence[tuple[str, Colour]], top: int, width: int
-) -> None:
-    """Write name, ideal path and encounter classes of a case at the left of its row."""
-    pygame.draw.aaline(sheet, RULE, (SHEET_MARGIN, top), (SHEET_MARGIN + width - SHEET_GAP, top))
-    name, ships = f"case {case.name}", counted(len(case.target_ships), "target ship")
-    lines = [(55, "ideal path", FAINT), (74, case.ideal_path, TEXT), (112, ships, FAINT)]
-    lines += [(131 + 19 * k, text, colour) for k, (text, colour) in enumerate(classes)]
-    pen.write(sheet, pen.cut(name, width, 20, True), (SHEET_MARGIN, top + 25), TEXT, 20, True)
-    for down, text, shade in lines:
-        pen.write(sheet, pen.cut(text, width, 13), (SHEET_MARGIN, top + down), shade, 13)

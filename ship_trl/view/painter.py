@@ -18,7 +18,6 @@ from torch import Tensor
 
 from ship_trl.config.types import World
 from ship_trl.sim import scene
-from ship_trl.sim.cases import Case
 from ship_trl.sim.state import GOAL_X, GOAL_Y, HEADING, SPEED, X, Y
 from ship_trl.view import pen
 from ship_trl.view.episode import Numbers, Telemetry
@@ -43,6 +42,8 @@ LEAST_PIXELS, HULLS_IN_SAFE_DISTANCE = 9.0, 1.2
 GRID = blend(scene.OUTSIDE, scene.DISC, 0.22)
 GOAL_AREA = blend(GOAL_MARK, scene.DISC, 0.16)
 SHIP_TRACK, OWN_TRACK = blend(scene.TARGET, scene.DISC, 0.6), blend(scene.OWN, scene.DISC, 0.7)
+# A picture of fewer pixels has no words.
+SMALL_SIDE = 240
 # Metres around everything on the map, and the step to which its width is rounded up.
 MARGIN, WIDTH_STEP = 90.0, 100.0
 # Seconds of the way that a speed vector shows. A longer vector than this (m) is cut, outside the picture.
@@ -102,77 +103,86 @@ def hull_length(world: World, scale: float) -> float:
     return min(world.safe_distance / HULLS_IN_SAFE_DISTANCE, max(TRUE_LENGTH, LEAST_PIXELS / scale))
 
 
-def draw_scene(
-    case: Case, world: World, state: Tensor, size: int = 600, start: Tensor | None = None
-) -> pygame.Surface:
+def draw_scene(world: World, state: Tensor, size: int = 600, start: Tensor | None = None) -> pygame.Surface:
     """Draw one state [S] on a map, a square of `size` pixels.
 
     The map stays still while the states of an episode share their `start` [S]; default: the state.
     """
-    none = torch.zeros(0, dtype=torch.int64)
-    both = (state if start is None else start, state)
-    first, now = (Telemetry(case, world, one[None], none) for one in both)
+    first, now = (still(world, one) for one in (state if start is None else start, state))
     picture = pen.new_surface(size, size)
     paint_scene(picture, now, 0.0, map_frame((first, now), size))
     return picture
 
 
-def paint_scene(
-    picture: pygame.Surface, telemetry: Telemetry, position: float, frame: Projection, large: bool = False
-) -> None:
-    """Fill a square surface with the scene at a position in steps.
+def still(world: World, state: Tensor) -> Telemetry:
+    """Return the telemetry of an episode without steps that begins with a state [S]."""
+    return Telemetry(world, state[None], torch.zeros(0, dtype=torch.int64))
 
-    Hulls are to scale; if `large`, as long as the network sees them.
+
+def paint_scene(
+    picture: pygame.Surface,
+    telemetry: Telemetry,
+    position: float,
+    frame: Projection,
+    large: bool = False,
+    track: Colour = OWN_TRACK,
+    ways: Sequence[Colour] = (),
+    ahead: float = VECTOR_TIME,
+) -> None:
+    """Fill a square surface with the scene at a position in steps; a small one has no words.
+
+    Args:
+        picture: the surface.
+        telemetry: the episode.
+        position: in steps.
+        frame: where things are on the surface.
+        large: whether hulls are as long as the network sees them; else they are to scale.
+        track: colour of own ship's track.
+        ways: colours of the ways ahead, own ship's first; default: quiet ones.
+        ahead: seconds of these ways.
     """
     world, step = telemetry.world, min(int(position), telemetry.steps)
     own, ships = telemetry.at(position)
     start, goal = telemetry.states[0, [X, Y]], telemetry.states[0, [GOAL_X, GOAL_Y]]
-    picture.blit(draw_water(frame), (0, 0))
-    _draw_north(picture, frame)
-    _draw_scale(picture, frame)
-    draw_goal(picture, frame, world, start, goal)
-    pen.write(picture, "goal", frame.point(*goal), GOAL_MARK, text_size(frame.side, 18), across=0.5)
-    _draw_tracks(picture, telemetry, math.ceil(position), frame)
-    has_ended = telemetry.outcome is not None and position >= telemetry.steps
-    is_near = np.linalg.norm(ships - own[:2], axis=-1).min(initial=math.inf) < world.safe_distance
-    draw_safe_ring(picture, frame, world, own, is_near or (has_ended and telemetry.outcome == "collision"))
-    length = hull_length(world, frame.scale)
-    poses = [own, *np.column_stack((ships, telemetry.headings[step]))]
-    colours = [(scene.OWN, OWN_TRACK), *[(scene.TARGET, SHIP_TRACK)] * len(ships)]
-    lengths = [scene.OWN_LENGTH, *[scene.TARGET_LENGTH] * len(ships)] if large else [length] * len(poses)
-    speeds = [telemetry.states[step, SPEED], *telemetry.speeds[step]]
-    for pose, (_, quiet), speed in zip(poses, colours, speeds, strict=True):
-        ahead = np.array([math.cos(pose[HEADING]), math.sin(pose[HEADING])])
-        end = pose[:2] + min(speed * VECTOR_TIME, MAX_VECTOR) * ahead
-        pen.strip(picture, quiet, frame.point(*pose[:2]), frame.point(*end), max(1.5, frame.side / 450))
-    for k, (pose, drawn) in enumerate(zip(poses[1:], lengths[1:], strict=True), 1):
-        _draw_number(picture, frame, pose, k, drawn)
-    for pose, (colour, _), drawn in zip(poses, colours, lengths, strict=True):
-        pen.polygon(picture, colour, frame.hull(pose, drawn))
-    if has_ended:
-        _draw_outcome(picture, str(telemetry.outcome))
-
-
-def draw_goal(
-    picture: pygame.Surface, frame: Projection, world: World, start: Numbers, goal: Numbers
-) -> None:
-    """Draw the goal, and the straight way to it from the start."""
+    thin = max(1.5, frame.side / 450)
+    picture.blit(_draw_water(frame), (0, 0))
     at, radius = frame.point(*goal), world.goal_distance * frame.scale
-    pen.strip(picture, RULE, frame.point(*start), at, max(1.5, frame.side / 450))
+    pen.strip(picture, RULE, frame.point(*start), at, thin)
     pen.circle(picture, GOAL_AREA, at, radius)
     pen.circle(picture, GOAL_MARK, at, radius, 2)
-
-
-def draw_safe_ring(
-    picture: pygame.Surface, frame: Projection, world: World, own: Numbers, is_danger: bool = False
-) -> None:
-    """Draw the safe distance around own ship (x, y): quiet, and red if a ship is inside."""
+    # A dot for each past step, and a larger one every ten.
+    for places, colour in ((telemetry.ships, SHIP_TRACK), (telemetry.states[:, None, [X, Y]], track)):
+        for past, row in enumerate(frame.points(places[: math.ceil(position)]).tolist()):
+            for place in row:
+                large_dot = 1.7 if past % 10 == 0 else 1
+                pen.circle(picture, colour, place, max(1.5, frame.side / 400) * large_dot)
+    has_ended = telemetry.outcome is not None and position >= telemetry.steps
+    is_danger = np.linalg.norm(ships - own[:2], axis=-1).min(initial=math.inf) < world.safe_distance
+    is_danger |= has_ended and telemetry.outcome == "collision"
     colour, width = (DANGER, 3.0) if is_danger else (FAINT, max(1.0, frame.side / 600))
     pen.circle(picture, colour, frame.point(*own[:2]), world.safe_distance * frame.scale, width)
+    length = hull_length(world, frame.scale)
+    poses = [own, *np.column_stack((ships, telemetry.headings[step]))]
+    lengths = [scene.OWN_LENGTH, *[scene.TARGET_LENGTH] * len(ships)] if large else [length] * len(poses)
+    speeds = [telemetry.states[step, SPEED], *telemetry.speeds[step]]
+    for pose, way, speed in zip(poses, ways or [OWN_TRACK, *[SHIP_TRACK] * len(ships)], speeds, strict=True):
+        course = np.array([math.cos(pose[HEADING]), math.sin(pose[HEADING])])
+        end = pose[:2] + min(speed * ahead, MAX_VECTOR) * course
+        pen.strip(picture, way, frame.point(*pose[:2]), frame.point(*end), thin)
+    if frame.side >= SMALL_SIDE:
+        pen.write(picture, "goal", at, GOAL_MARK, text_size(frame.side, 18), across=0.5)
+        _draw_north(picture, frame)
+        _draw_scale(picture, frame)
+        for k, (pose, drawn) in enumerate(zip(poses[1:], lengths[1:], strict=True), 1):
+            _draw_number(picture, frame, pose, k, drawn)
+        if has_ended:
+            _draw_outcome(picture, str(telemetry.outcome))
+    for k, (pose, drawn) in enumerate(zip(poses, lengths, strict=True)):
+        pen.polygon(picture, scene.TARGET if k else scene.OWN, frame.hull(pose, drawn))
 
 
 @lru_cache(4)
-def draw_water(frame: Projection) -> pygame.Surface:
+def _draw_water(frame: Projection) -> pygame.Surface:
     """Draw water with a grid."""
     side = frame.side
     picture = pen.new_surface(side, side, scene.DISC)
@@ -192,16 +202,6 @@ def draw_water(frame: Projection) -> pygame.Surface:
 def text_size(side: int, at_900: int) -> int:
     """Scale a size of letters to a picture of `side` pixels."""
     return max(12, round(at_900 * side / 900))
-
-
-def _draw_tracks(picture: pygame.Surface, telemetry: Telemetry, count: int, frame: Projection) -> None:
-    """Draw a dot for each past step, and a larger one every ten."""
-    radius = max(1.5, frame.side / 400)
-    own, ships = telemetry.states[:, None, [X, Y]], telemetry.ships
-    for places, colour in ((ships, SHIP_TRACK), (own, OWN_TRACK)):
-        for step, row in enumerate(frame.points(places[:count]).tolist()):
-            for place in row:
-                pen.circle(picture, colour, place, radius * (1.7 if step % 10 == 0 else 1))
 
 
 def _draw_number(
@@ -254,46 +254,23 @@ def _draw_outcome(picture: pygame.Surface, outcome: str) -> None:
 
 
 def draw_legend(
-    surface: pygame.Surface, room: pygame.Rect, world: World, size: int, large: bool = False
+    surface: pygame.Surface, room: pygame.Rect, world: World, size: int, scale: float, large: bool = False
 ) -> None:
-    """Explain the scene from the top left of a room, in as many lines as needed.
+    """Explain a scene of `scale` pixels a metre from the top left of a room, in as many lines as needed.
 
     If `large`, hulls are as long as the network sees them.
     """
-    hulls = f"hulls {TRUE_LENGTH:g} m, at least {LEAST_PIXELS:g} pixels"
+    hulls = f"hulls {hull_length(world, scale):.0f} m"
     if large:
         hulls = f"hulls as for the network, {scene.OWN_LENGTH:g} and {scene.TARGET_LENGTH:g} m"
     items = [
-        (scene.OWN, "ship", "own ship"),
-        (scene.TARGET, "ship", "target ship"),
-        (GOAL_MARK, "ring", f"goal, {world.goal_distance:g} m"),
-        (FAINT, "ring", f"safe distance {world.safe_distance:g} m"),
-        (DANGER, "ring", "entered"),
-        (scene.TARGET, "line", f"{VECTOR_TIME:g} s ahead"),
-        (scene.OWN, "dots", f"track, {world.dt:g} s apart"),
-        (CHOSEN, "", hulls),
+        (scene.OWN, "own ship"),
+        (scene.TARGET, "target ship"),
+        (GOAL_MARK, f"goal, {world.goal_distance:g} m"),
+        (FAINT, f"ring: safe distance {world.safe_distance:g} m"),
+        (DANGER, "entered"),
+        (scene.TARGET, f"line: {VECTOR_TIME:g} s ahead"),
+        (scene.OWN, f"dots: {world.dt:g} s apart"),
+        (CHOSEN, hulls),
     ]
-    x, y = float(room.left), room.top + 0.95 * size
-    for colour, shape, words in items:
-        sample = 1.9 * size if shape else 0.0
-        if x > room.left and x + sample + pen.width_of(words, size) > room.right:
-            x, y = float(room.left), y + 1.5 * size
-        if shape:
-            _draw_sample(surface, colour, shape, (x + 0.7 * size, y), size)
-        text = pen.cut(words, room.right - x - sample, size)
-        x = pen.write(surface, text, (x + sample, y), TEXT if shape else colour, size) + 1.1 * size
-
-
-def _draw_sample(surface: pygame.Surface, colour: Colour, shape: str, at: Point, size: int) -> None:
-    """Draw a small ship, ring, line or track."""
-    x, y = at
-    if shape == "ship":
-        pen.polygon(surface, colour, [(x - v, y - u) for u, v in scene.ship_outline(1.15 * size)])
-    elif shape == "ring":
-        pen.circle(surface, colour, at, 0.55 * size, 2)
-    elif shape == "line":
-        across, up = 0.6 * size, 0.4 * size
-        pygame.draw.aaline(surface, colour, (x - across, y + up), (x + across, y - up), 2)
-    else:
-        for k in (-1, 0, 1):
-            pen.circle(surface, colour, (x + 0.5 * k * size, y), 0.13 * size)
+    pen.flow(surface, items, room, size)

@@ -7,7 +7,7 @@ and averaged, so that motion looks smooth.
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from functools import cache, lru_cache
 from itertools import pairwise
 from pathlib import Path
@@ -104,6 +104,16 @@ def write(
     left = at[0] - across * rendered.get_width()
     surface.blit(rendered, (round(left), round(at[1] - rendered.get_height() / 2)))
     return left + rendered.get_width()
+
+
+def flow(surface: pygame.Surface, items: Iterable[tuple[Colour, str]], room: pygame.Rect, size: int) -> float:
+    """Write words from the top left of a room, in as many lines as needed; return the y of their end."""
+    x, y = float(room.left), room.top + 0.95 * size
+    for colour, words in items:
+        if x > room.left and x + width_of(words, size) > room.right:
+            x, y = float(room.left), y + 1.5 * size
+        x = write(surface, cut(words, room.right - x, size), (x, y), colour, size) + 1.1 * size
+    return y + size
 
 
 def strip(surface: pygame.Surface, colour: Colour, start: Point, end: Point, width: float) -> None:

@@ -2,15 +2,16 @@
 
 from __future__ import annotations
 
+import math
 import os
 import re
 import sys
 from abc import ABC, abstractmethod
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import replace
 from functools import partial
-from itertools import count
+from itertools import chain, count
 from pathlib import Path
 
 import pygame
@@ -19,7 +20,6 @@ import torch
 from ship_trl.config.errors import ConfigError
 from ship_trl.config.types import World
 from ship_trl.fast.worlds import make_rasteriser
-from ship_trl.files.disk import atomic_write
 from ship_trl.policies.demonstrations import write_demonstration
 from ship_trl.policies.reference import best_known
 from ship_trl.policies.registry import Entry
@@ -29,23 +29,25 @@ from ship_trl.sim.transition import Transition
 from ship_trl.view import pen
 from ship_trl.view.dashboard import Look, draw_dashboard, step_at
 from ship_trl.view.episode import EpisodeView, Telemetry, view_entry
-from ship_trl.view.film import draw_film, write_film
+from ship_trl.view.film import STEPS_PER_SECOND, draw_film, write_film
 from ship_trl.view.style import action_text, number
 
 DRIVER = "SDL_VIDEODRIVER"
 FRAMES_PER_SECOND = 60
 # Share of the screen's sides that a window takes at most: its title and a task bar need room.
 SHARE = 0.9
-# Simulated seconds per real second.
+# Simulated seconds per real second; those of policies and of a player at first.
 SPEEDS = (0.5, 1.0, 2.0, 5.0, 10.0, 20.0)
-# Of policies and of a player at first.
 WATCHED_SPEED, PLAYED_SPEED = 5.0, 2.0
-# Of saved pictures and films, whose frames a second follow; and the author of demonstrations.
+# Of saved pictures and films.
 FOLDER = Path("outputs/watch")
-FILM_FRAMES_PER_SECOND = 10
-AUTHOR = "keyboard"
-# A line of the help: the keys, what they do, and the actions by pygame's names of the keys.
-Binding = tuple[str, str, Mapping[str, Callable[[], object]]]
+# Keys that all windows share, and what they do.
+SHARED_HELP = (
+    ("A", "own ship in the middle (relative frame), or north up (absolute)"),
+    ("T", "hulls as large as the network sees them, or to scale"),
+    ("H", "these keys"),
+    ("Q, Esc", "quit"),
+)
 
 
 @contextmanager
@@ -85,22 +87,22 @@ def open_window(size: tuple[int, int], advice: str = "") -> Iterator[None]:
 class Window(ABC):
     """Plays episodes in the open window, and handles keys and clicks.
 
-    `position` is in steps, and a whole number while paused. A subclass sets `views`, and puts its own keys
-    before the shared ones in `bindings`.
+    `position` is in steps, and a whole number while paused. A subclass sets `views`, what its keys do by
+    pygame's names for them, and `help`, the lines about them.
     """
 
     views: list[EpisodeView]
+    help: tuple[tuple[str, str], ...] = ()
 
     def __init__(self, speed: float) -> None:
         self.position, self.is_running, self.speed = 0.0, True, speed
         self.look, self.has_help, self.is_closed = Look(), False, False
-        relative, large = partial(self.toggle_look, "relative"), partial(self.toggle_look, "large")
-        self.bindings: list[Binding] = [
-            ("A", "own ship in the middle (relative frame), or north up (absolute)", {"a": relative}),
-            ("T", "hulls as large as the network sees them, or to scale", {"t": large}),
-            ("H", "these keys", {"h": self._toggle_help, "f1": self._toggle_help}),
-            ("Q, Esc", "quit", {"q": self._close, "escape": self._escape}),
-        ]
+        look, help_ = self.toggle_look, self._toggle_help
+        self.keys: dict[str, Callable[[], object]] = {
+            "a": lambda: look("relative"),
+            "t": lambda: look("large"),
+        }
+        self.keys |= {"h": help_, "f1": help_, "q": self._close, "escape": self._escape}
 
     @property
     @abstractmethod
@@ -116,31 +118,25 @@ class Window(ABC):
         """Number of steps of the longest episode shown."""
         return max(view.telemetry.steps for view in self.views)
 
-    @property
-    def is_at_end(self) -> bool:
-        """Whether nothing is left to play."""
-        return self.position >= self.steps
-
     def advance(self, seconds: float) -> None:
         """Play for some real seconds, and pause at the end."""
         if self.is_running:
             steps = seconds * self.speed / self.views[0].telemetry.world.dt
             self.position = min(self.position + steps, float(self.steps))
-            self.is_running = not self.is_at_end
+            self.is_running = self.position < self.steps
 
     def pause(self) -> None:
         """Pause at the current step, or continue; at the end, restart."""
         if self.is_running:
             self.seek(int(self.position))
-        elif self.is_at_end:
+        elif self.position >= self.steps:
             self.restart()
         else:
             self.is_running = True
 
     def step(self, count: int) -> None:
         """Pause, and move by `count` whole steps."""
-        is_back_from_between = count < 0 and self.position > int(self.position)
-        self.seek(int(self.position) + count + is_back_from_between)
+        self.seek((math.ceil if count < 0 else math.floor)(self.position) + count)
 
     def seek(self, step: int) -> None:
         """Pause at a step, or at the nearest one that exists."""
@@ -153,8 +149,7 @@ class Window(ABC):
 
     def change_speed(self, levels: int) -> None:
         """Move by `levels` in `SPEEDS`, as far as they go."""
-        level = min(range(len(SPEEDS)), key=lambda k: abs(SPEEDS[k] - self.speed)) + levels
-        self.speed = SPEEDS[min(max(level, 0), len(SPEEDS) - 1)]
+        self.speed = SPEEDS[min(max(SPEEDS.index(self.speed) + levels, 0), len(SPEEDS) - 1)]
 
     def toggle_look(self, name: str) -> None:
         """Turn one field of the look on or off."""
@@ -164,8 +159,8 @@ class Window(ABC):
         """Draw the current picture in the open window; return its surface."""
         surface = pygame.display.get_surface()
         assert surface is not None
-        keys = [binding[:2] for binding in self.bindings] if self.has_help else []
-        draw_dashboard(surface, self.views, self.position, self.look, self.status, keys)
+        lines = (*self.help, *SHARED_HELP) if self.has_help else ()
+        draw_dashboard(surface, self.views, self.position, self.look, self.status, lines)
         pygame.display.flip()
         return surface
 
@@ -196,9 +191,8 @@ class Window(ABC):
 
     def press(self, key: str) -> None:
         """Do what a key stands for, by pygame's name for it ("space", "left", "a")."""
-        for _, _, actions in self.bindings:
-            if key in actions:
-                actions[key]()
+        if key in self.keys:
+            self.keys[key]()
 
     def _toggle_help(self) -> None:
         self.has_help = not self.has_help
@@ -221,10 +215,27 @@ class Session(Window):
         ConfigError: the first policy cannot be loaded, or there is only one to compare.
     """
 
+    help = (
+        ("Space", "pause, continue; at the end, replay"),
+        ("← →", "a step back, a step forward"),
+        ("↑ ↓", "faster, slower"),
+        ("R, End", "to the start, to the end"),
+        ("Click", "in a graph: to that step"),
+        ("P, C", "next policy, next case"),
+        ("E", "next episode: stochastic policies and starts draw again"),
+        ("S", "saliency: the pixels on which the highest Q depends"),
+        ("I, M", f"save the picture, the film (to {FOLDER})"),
+    )
+
     def __init__(
         self, entries: Sequence[Entry], compare: bool = False, seed: int = 0, folder: Path = FOLDER
     ) -> None:
         super().__init__(WATCHED_SPEED)
+        self.keys |= {"space": self.pause, "left": lambda: self.step(-1), "right": lambda: self.step(1)}
+        self.keys |= {"up": lambda: self.change_speed(1), "down": lambda: self.change_speed(-1)}
+        self.keys |= {"r": self.restart, "home": self.restart, "end": lambda: self.seek(self.steps)}
+        self.keys |= {"p": self.next_policy, "c": self.next_case, "e": self.next_episode}
+        self.keys |= {"s": lambda: self.toggle_look("saliency"), "i": self.save_picture, "m": self.save_film}
         self.seed, self.folder, self._message = seed, folder, ""
         self.policies = distinct_policies(entries, compare)
         self.cases = distinct_cases([entry.suite for entry in entries])
@@ -234,28 +245,10 @@ class Session(Window):
             world, perturbation = entries[0].world, entries[0].suite.perturbation
             shipped = (suite_of(case, perturbation) for case in readable_cases(world))
             self.cases = distinct_cases([*self.cases, *shipped])
+        # In a comparison the first policy stays, and the others follow it.
         self._first, self._changes_case = int(compare), has_own_cases and not compare
         self.policy, self.case, self.episode = self._first, self.policies[0].suite, 0
         self.views = self._load(self.policy, self.case, self.episode)
-        back, forward = partial(self.step, -1), partial(self.step, 1)
-        faster, slower = partial(self.change_speed, 1), partial(self.change_speed, -1)
-        restart, to_end = self.restart, (lambda: self.seek(self.steps))
-        saliency = partial(self.toggle_look, "saliency")
-        self.bindings[:0] = [
-            ("Space", "pause, continue; at the end, replay", {"space": self.pause}),
-            ("← →", "a step back, a step forward", {"left": back, "right": forward}),
-            ("↑ ↓", "faster, slower", {"up": faster, "down": slower}),
-            ("R, End", "to the start, to the end", {"r": restart, "home": restart, "end": to_end}),
-            ("Click", "in a graph: to that step", {}),
-            ("P, C", "next policy, next case", {"p": self.next_policy, "c": self.next_case}),
-            ("E", "next episode: stochastic policies and starts draw again", {"e": self.next_episode}),
-            ("S", "saliency: the pixels on which the highest Q depends", {"s": saliency}),
-            (
-                "I, M",
-                f"save the picture, the film (to {FOLDER})",
-                {"i": self.save_picture, "m": self.save_film},
-            ),
-        ]
 
     @property
     def status(self) -> str:
@@ -281,9 +274,8 @@ class Session(Window):
         super().press(key)
 
     def next_policy(self) -> None:
-        """Show the next policy, on its own case if it has one; in a comparison keep the first policy."""
-        first = self._first
-        policy = first + (self.policy - first + 1) % (len(self.policies) - first)
+        """Show the next policy, on its own case if it has one."""
+        policy = self.policy + 1 if self.policy + 1 < len(self.policies) else self._first
         self._show(policy, self.policies[policy].suite if self._changes_case else self.case, self.episode)
 
     def next_case(self) -> None:
@@ -291,36 +283,35 @@ class Session(Window):
         self._show(self.policy, self.cases[(self._place + 1) % len(self.cases)], self.episode)
 
     def next_episode(self) -> None:
-        """Roll out again; only stochastic policies differ then."""
+        """Roll out again; only stochastic policies and starts differ then."""
         self._show(self.policy, self.case, self.episode + 1)
 
     def save_picture(self) -> None:
         """Save the current picture as a PNG, without the help."""
         picture = pen.new_surface(*pygame.display.get_window_size())
         draw_dashboard(picture, self.views, self.position, self.look)
-        step = f"step{int(self.position):02d}"
-        self._save(step, ".png", lambda path: pygame.image.save(picture, str(path)))
+        self._save(f"step{int(self.position):02d}.png", partial(pen.save, picture))
 
     def save_film(self) -> None:
         """Save the whole episode as a GIF with the current look; that takes a while."""
         self._message = "making the film ..."
         self.show()
         size = pygame.display.get_window_size()
-        frames = draw_film([self.views], self.look, size, FILM_FRAMES_PER_SECOND, self.speed)
-        self._save("film", ".gif", lambda path: write_film(path, frames, FILM_FRAMES_PER_SECOND))
+        frames = draw_film(self.views, self.look, size, STEPS_PER_SECOND, self.speed)
+        self._save("film.gif", lambda path: write_film(path, frames, STEPS_PER_SECOND))
 
-    def _save(self, what: str, suffix: str, write: Callable[[Path], None]) -> None:
+    def _save(self, ending: str, write: Callable[[Path], None]) -> None:
         """Write a file under a new name; show where it is, or why it could not be written."""
         titles = "-".join(view.title for view in self.views)
         name = re.sub(r"[^\w]+", "-", f"case{self.case.name}-{titles}").strip("-")[-80:]
-        names = (f"{name}-{what}{'' if k == 1 else f'-{k}'}{suffix}" for k in count(1))
-        path = next(self.folder / name for name in names if not (self.folder / name).exists())
+        path = self.folder / f"{name}-{ending}"
+        names = (path.with_stem(f"{path.stem}-{k}") for k in count(2))
+        path = next(one for one in chain([path], names) if not one.exists())
         try:
             path.parent.mkdir(parents=True, exist_ok=True)
-            with atomic_write(path) as draft:
-                write(draft)
+            write(path)
             self._message = f"saved {path}"
-        except (OSError, pygame.error) as error:
+        except OSError as error:
             self._message = f"not saved: {error}"
 
     def _show(self, policy: int, case: Suite, episode: int) -> None:
@@ -363,44 +354,37 @@ class Game(Window):
     `actions` are those of the episode so far; `rudder` is the index of the next one.
     """
 
-    def __init__(
-        self, cases: list[Case], world: World, folder: Path | None, speed: float = PLAYED_SPEED
-    ) -> None:
-        super().__init__(speed)
-        self.cases, self.world, self.folder = cases, world, folder
-        self.kept: list[Path] = []
-        turns = [turn for _, turn in world.actions]
-        self._port_to_starboard = sorted(range(len(turns)), key=lambda k: -turns[k])
+    help = (
+        ("← →", "the next action to port, to starboard"),
+        ("↑", "keep course, full speed"),
+        ("1 to 7", "the actions a1 to a7 of table 1"),
+        ("Space", "start, pause; at the end, play again"),
+        ("+ \N{MINUS SIGN}", "faster, slower"),
+        ("R", "restart; the episode is not kept"),
+        ("C", "next case"),
+    )
+
+    def __init__(self, cases: list[Case], world: World, folder: Path | None) -> None:
+        super().__init__(PLAYED_SPEED)
+        faster, straight = partial(self.change_speed, 1), partial(self.steer, world.straight_action)
+        self.keys |= {str(k + 1): partial(self.steer, k) for k in range(len(world.actions))}
+        self.keys |= {"left": lambda: self.turn(-1), "right": lambda: self.turn(1), "up": straight}
+        self.keys |= {"space": self.pause, "r": lambda: self.begin(0), "c": lambda: self.begin(1)}
+        self.keys |= {"+": faster, "=": faster, "-": lambda: self.change_speed(-1)}
+        self.cases, self.world, self.folder, self.kept = cases, world, folder, list[Path]()
+        self._port_to_starboard = sorted(range(len(world.actions)), key=lambda k: -world.actions[k][1])
         self._place = 0
         self.begin(0)
-        digits = {str(k + 1): partial(self.steer, k) for k in range(len(turns))}
-        port, starboard = partial(self.turn, -1), partial(self.turn, 1)
-        straight = partial(self.steer, world.straight_action)
-        faster, slower = partial(self.change_speed, 1), partial(self.change_speed, -1)
-        self.bindings[:0] = [
-            ("← →", "the next action to port, to starboard", {"left": port, "right": starboard}),
-            ("↑", "keep course, full speed", {"up": straight}),
-            ("1 to 7", "the actions a1 to a7 of table 1", digits),
-            ("Space", "start, pause; at the end, play again", {"space": self.pause}),
-            ("+ \N{MINUS SIGN}", "faster, slower", {"+": faster, "=": faster, "-": slower}),
-            ("R", "restart; the episode is not kept", {"r": partial(self.begin, 0)}),
-            ("C", "next case", {"c": partial(self.begin, 1)}),
-        ]
 
     @property
     def telemetry(self) -> Telemetry:
-        """The episode so far."""
+        """The episode so far; its outcome is None until it has ended."""
         return self.views[0].telemetry
-
-    @property
-    def is_over(self) -> bool:
-        """Whether the episode has ended."""
-        return self.telemetry.outcome is not None
 
     @property
     def status(self) -> str:
         """How the episode ended, or the rudder and the best known return."""
-        if self.is_over:
+        if self.telemetry.outcome:
             return self._message
         words = f"rudder a{self.rudder + 1}, {action_text(self.world, self.rudder)}"
         return f"{words}    {self._message or 'best known ' + number(self.best, '.1f')}    H: keys"
@@ -411,9 +395,8 @@ class Game(Window):
         self.case = self.cases[self._place]
         self.actions, self.rudder = list[int](), self.world.straight_action
         self.best = best_known(self.case, self.world).episode_return
-        self._motion = Transition(self.world)
+        self._motion, self._rasteriser = Transition(self.world), make_rasteriser(self.world)
         self._states = [initial_state(self.case, self.world)[None]]
-        self._rasteriser = make_rasteriser(self.world)
         self.position, self.is_running, self._message = 0.0, False, "Space: start"
         self._measure()
 
@@ -428,7 +411,7 @@ class Game(Window):
 
     def pause(self) -> None:
         """Pause or continue; after the end of the episode, begin again."""
-        if self.is_over and self.is_at_end:
+        if self.telemetry.outcome and self.position >= self.steps:
             self.begin(0)
         self._message = ""
         self.is_running = not self.is_running
@@ -437,26 +420,28 @@ class Game(Window):
         """Play on; the ship takes its next action when the last one is played."""
         if not self.is_running:
             return False
-        if self.is_at_end and not self.is_over:
+        if self.position >= self.steps and not self.telemetry.outcome:
             self._states.append(self._motion(self._states[-1], torch.tensor([self.rudder])).state)
             self.actions.append(self.rudder)
             self._measure()
         self.advance(seconds)
-        if self.is_at_end and self.is_over:
-            self.finish()
+        if not self.is_running and self.telemetry.outcome:
+            self._keep(self.telemetry.outcome)
         else:
             # It pauses after each action, but the episode continues.
             self.is_running = True
         return True
 
-    def finish(self) -> None:
+    def _keep(self, outcome: str) -> None:
         """Show how the episode ended, and keep it."""
-        total, outcome = float(self.telemetry.total[-1]), str(self.telemetry.outcome)
+        total = float(self.telemetry.total[-1])
         self._message = f"{outcome}: {number(total, '.1f')} of {number(self.best, '.1f')}"
         if self.folder is not None:
             ended = total, outcome
             try:
-                path = write_demonstration(self.folder, self.case, self.world, self.actions, ended, AUTHOR)
+                path = write_demonstration(
+                    self.folder, self.case, self.world, self.actions, ended, "keyboard"
+                )
                 self.kept.append(path)
                 self._message += f", kept as {path.name}"
             except OSError as error:
@@ -465,5 +450,5 @@ class Game(Window):
 
     def _measure(self) -> None:
         actions = torch.tensor(self.actions, dtype=torch.int64)
-        telemetry = Telemetry(self.case, self.world, torch.cat(self._states), actions)
-        self.views = [EpisodeView("you", telemetry, self._rasteriser)]
+        telemetry = Telemetry(self.world, torch.cat(self._states), actions)
+        self.views = [EpisodeView(self.case, "you", telemetry, self._rasteriser)]

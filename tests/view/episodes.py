@@ -54,9 +54,9 @@ def entry(policy: str = "keep_course", case: str = "4") -> Entry:
 
 def view(case: Case, world: World, actions: Sequence[int], network: bool = False) -> EpisodeView:
     """An episode with made-up Q-values, perhaps of an untrained network."""
-    telemetry = measure_episode(case, world, run_actions(case, world, actions))
+    telemetry = measure_episode(world, run_actions(case, world, actions))
     made = DuelingNetwork(1, len(world.actions), Generator().manual_seed(0)) if network else None
-    return EpisodeView("made up", telemetry, make_rasteriser(world), made)
+    return EpisodeView(case, "made up", telemetry, make_rasteriser(world), made)
 
 
 def drawn(

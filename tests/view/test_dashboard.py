@@ -9,7 +9,7 @@ from ship_trl.config.types import World
 from ship_trl.sim import scene
 from ship_trl.sim.cases import Case, load_case
 from ship_trl.view import pen
-from ship_trl.view.dashboard import SMALL_SIZE, Layout, Look, draw_dashboard, step_at
+from ship_trl.view.dashboard import SMALL, Layout, Look, draw_dashboard, step_at
 from ship_trl.view.episode import EpisodeView
 from ship_trl.view.painter import draw_legend
 from ship_trl.view.style import DANGER, FAINT, GOAL_MARK
@@ -21,7 +21,7 @@ def case(world: World) -> Case:
     return load_case("4", world)
 
 
-@pytest.mark.parametrize("size", [(1600, 900), (800, 800), SMALL_SIZE], ids=["wide", "narrow", "small"])
+@pytest.mark.parametrize("size", [(1600, 900), (800, 800), SMALL.size], ids=["wide", "narrow", "small"])
 def test_every_look_is_another_picture(case: Case, world: World, size: tuple[int, int]) -> None:
     one = [view(case, world, (3, 4), network=True)]
     looks = [Look(), Look(relative=True), Look(large=True), Look(saliency=True)]
@@ -43,12 +43,12 @@ def test_the_frame_cache_changes_no_pixel(case: Case, world: World) -> None:
         ([*first, *second], 2.0, Look()),
     ):
         draw_dashboard(surface, views, position, look)
-        again = [EpisodeView(one.title, one.telemetry, one.rasteriser) for one in views]
+        again = [EpisodeView(case, one.title, one.telemetry, one.rasteriser) for one in views]
         assert (pen.to_array(surface) == drawn(again, position, look, (1280, 720))).all()
 
 
 @pytest.mark.parametrize(
-    "size", [(1600, 900), (1920, 1080), (900, 900), (960, 540), (700, 1000), SMALL_SIZE, (640, 360)]
+    "size", [(1600, 900), (1920, 1080), (900, 900), (960, 540), (700, 1000), SMALL.size, (640, 360)]
 )
 @pytest.mark.parametrize("count", [1, 2])
 def test_nothing_overlaps_and_nothing_lies_outside(size: tuple[int, int], count: int) -> None:
@@ -80,7 +80,7 @@ def test_a_click_in_a_graph_is_a_step(case: Case, world: World) -> None:
 def test_the_legend_has_every_colour_and_the_distances_of_the_world(world: World) -> None:
     def legend() -> NDArray[np.uint8]:
         strip = pen.new_surface(1200, 40)
-        draw_legend(strip, strip.get_rect(), world, 13)
+        draw_legend(strip, strip.get_rect(), world, 13, 1.0)
         return pen.to_array(strip)
 
     before = legend()

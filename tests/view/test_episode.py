@@ -20,17 +20,16 @@ PLANS = st.lists(st.integers(0, 6), min_size=1, max_size=12)
 NAMES = st.sampled_from(["1", "2", "4", "6"])
 
 
-def episode_of(name: str, plan: list[int]) -> tuple[Case, World, Episode]:
+def episode_of(name: str, plan: list[int]) -> tuple[World, Episode]:
     world = load_world()
-    case = load_case(name, world)
-    return case, world, run_actions(case, world, plan)
+    return world, run_actions(load_case(name, world), world, plan)
 
 
 @settings(max_examples=12)
 @given(NAMES, PLANS)
 def test_the_terms_sum_up_and_the_end_is_the_environments(name: str, plan: list[int]) -> None:
-    case, world, episode = episode_of(name, plan)
-    numbers = measure_episode(case, world, episode)
+    world, episode = episode_of(name, plan)
+    numbers = measure_episode(world, episode)
     assert numbers.total[-1] == pytest.approx(episode.episode_return, abs=1e-3)
     assert np.diff(numbers.total) == pytest.approx(episode.rewards.numpy(), abs=1e-4)
     assert sum(numbers.terms.values()) == pytest.approx(numbers.total, abs=1e-3)
@@ -38,7 +37,7 @@ def test_the_terms_sum_up_and_the_end_is_the_environments(name: str, plan: list[
     assert (numbers.terms["goal"][-1] > 0) == episode.goal
     assert (numbers.terms["collision"][-1] < 0) == episode.collision
     assert numbers.outcome == episode.outcome and numbers.steps == episode.length
-    if case.target_ships:
+    if numbers.ships.size:
         assert numbers.closest[-1].min() == pytest.approx(episode.dcpa, abs=1e-3)
         assert (numbers.closest <= numbers.apart + 1e-6).all()
 
@@ -46,10 +45,10 @@ def test_the_terms_sum_up_and_the_end_is_the_environments(name: str, plan: list[
 @settings(max_examples=8)
 @given(PLANS, st.integers(0, 60))
 def test_an_episode_so_far_has_the_numbers_of_the_whole_one(plan: list[int], steps: int) -> None:
-    case, world, episode = episode_of("4", plan)
+    world, episode = episode_of("4", plan)
     steps = min(steps, episode.length - 1)
-    whole = measure_episode(case, world, episode)
-    so_far = Telemetry(case, world, episode.states[: steps + 1], episode.actions[:steps])
+    whole = measure_episode(world, episode)
+    so_far = Telemetry(world, episode.states[: steps + 1], episode.actions[:steps])
     assert so_far.outcome is None and so_far.action(steps) is None and so_far.q(0) is None
     assert so_far.total == pytest.approx(whole.total[: steps + 1])
     # Of the start the first action is not known yet.
@@ -59,8 +58,8 @@ def test_an_episode_so_far_has_the_numbers_of_the_whole_one(plan: list[int], ste
 
 
 def test_dcpa_comes_true_where_all_keep_course() -> None:
-    case, world, episode = episode_of("2", [3])
-    numbers = measure_episode(case, world, episode)
+    world, episode = episode_of("2", [3])
+    numbers = measure_episode(world, episode)
     predicted = numbers.dcpa[0, 0]
     when = numbers.tcpa[0, 0]
     assert 0 < when < episode.length * world.dt
@@ -72,13 +71,13 @@ def test_dcpa_comes_true_where_all_keep_course() -> None:
 def test_a_ship_heading_for_the_safe_circle_is_a_danger(make_case: Callable[..., Case], world: World) -> None:
     # Head on; far abeam on the same course; astern and slower.
     case = make_case((0.0, 900.0, 270.0, 5.0), (400.0, 0.0, 90.0, 15.0), (0.0, -100.0, 90.0, 1.0))
-    numbers = measure_episode(case, world, run_actions(case, world, [3]))
+    numbers = measure_episode(world, run_actions(case, world, [3]))
     assert [numbers.is_danger(1, k) for k in range(3)] == [True, False, False]
 
 
 def test_positions_between_steps_are_interpolated() -> None:
-    case, world, episode = episode_of("4", [0, 3, 6])
-    numbers = measure_episode(case, world, episode)
+    world, episode = episode_of("4", [0, 3, 6])
+    numbers = measure_episode(world, episode)
     for step in (0, 3, numbers.steps):
         own, ships = numbers.at(step)
         assert own == pytest.approx(numbers.states[step, :3]) and ships == pytest.approx(numbers.ships[step])
@@ -92,11 +91,11 @@ def test_positions_between_steps_are_interpolated() -> None:
 def test_the_closest_approach_is_within_steps_too(make_case: Callable[..., Case], world: World) -> None:
     """At 215 m/s a ship is 104 m away before and after the second step, and 60 m abeam in between."""
     case = make_case((60.0, 300.0, 270.0, 200.0))
-    numbers = measure_episode(case, world, run_actions(case, world, [3]))
+    numbers = measure_episode(world, run_actions(case, world, [3]))
     assert numbers.closest[1:4, 0] == pytest.approx([104.04, 60.0, 60.0], abs=0.01)
     found = numbers.closest_places()
     assert found is not None and np.linalg.norm(found[0] - found[1]) == pytest.approx(60.0, abs=1.0)
-    alone = measure_episode(make_case(), world, run_actions(make_case(), world, [3]))
+    alone = measure_episode(world, run_actions(make_case(), world, [3]))
     assert alone.closest_places() is None
 
 

@@ -13,7 +13,7 @@ from ship_trl.config.types import World
 from ship_trl.fast.worlds import make_rasteriser
 from ship_trl.sim import scene
 from ship_trl.sim.cases import load_case
-from ship_trl.view.dashboard import SMALL_SIZE, Look
+from ship_trl.view.dashboard import SMALL, Look
 from ship_trl.view.episode import EpisodeView, measure_episode
 from ship_trl.view.film import LAST_SECONDS, draw_film, write_film, write_gif
 from ship_trl.view.style import GOAL_MARK
@@ -24,7 +24,7 @@ SIZE = (640, 360)
 
 def frames(world: World) -> Iterator[pygame.Surface]:
     """Ten steps a second, five frames."""
-    return draw_film([[view(load_case("2", world), world, (3,))]], Look(), SIZE, 5, 10.0)
+    return draw_film([view(load_case("2", world), world, (3,))], Look(), SIZE, 5, 10.0)
 
 
 def count(world: World) -> int:
@@ -62,14 +62,14 @@ def test_the_gif_of_an_episode_has_a_frame_for_each_state(world: World, tmp_path
     write_gif(path, case, world, episode, draw, "FT3 from case 5, seed 0")
     assert [p.name for p in tmp_path.iterdir()] == ["episode.gif"]
     assert path.stat().st_size < 1_500_000
-    one = EpisodeView("FT3 from case 5, seed 0", measure_episode(case, world, episode), draw)
+    one = EpisodeView(case, "FT3 from case 5, seed 0", measure_episode(world, episode), draw)
     with Image.open(path) as film:
-        assert film.size == SMALL_SIZE and film.info["loop"] == 0
+        assert film.size == SMALL.size and film.info["loop"] == 0
         times = []
         for step, frame in enumerate(ImageSequence.Iterator(film)):
             times.append(frame.info["duration"])
             if step % 20 == 7:
-                apart = np.asarray(frame.convert("RGB")).astype(int) - drawn([one], step, size=SMALL_SIZE)
+                apart = np.asarray(frame.convert("RGB")).astype(int) - drawn([one], step, size=SMALL.size)
                 assert np.abs(apart).mean() < 1.0
         last = film.convert("RGB")
     assert times == [100] * episode.length + [2000]

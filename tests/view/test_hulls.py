@@ -105,16 +105,14 @@ def test_no_sheet_shows_a_collision_that_is_none(hulls: list[Corners]) -> None:
     imazu = load_suite("imazu", WORLD)
     for state in draw_starts(imazu, WORLD, len(imazu.cases), 0):
         hulls.clear()
-        pages.draw_start(state, WORLD, pages.START_PICTURE, 780.0)
+        pages.draw_start(state, WORLD, pages.START_SIDE, 780.0)
         ships = target_ships(state)[: int(state[SHIP_COUNT]), : SHIP_Y + 1]
         assert touching_at(hulls, np.concatenate((position(state)[None], ships))) == []
     for case in load_suite("paper", WORLD).cases:
         for actions in ((3,), (0, 3, 3)):
             hulls.clear()
             episode = run_actions(case, WORLD, actions)
-            pages.draw_paths(episode, WORLD, pages.PATH_PICTURE, 800.0)
+            pages.draw_paths(episode, WORLD, pages.PATH_SIDE, 800.0)
             last = episode.states[-1]
             ships = target_ships(last)[: int(last[SHIP_COUNT]), : SHIP_Y + 1]
-            # Target ships are drawn before own ship.
-            places = np.concatenate((ships, position(last)[None]))
-            assert touching_at(hulls, places) == []
+            assert touching_at(hulls, np.concatenate((position(last)[None], ships))) == []

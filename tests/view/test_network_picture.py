@@ -6,6 +6,7 @@ import numpy as np
 import pygame
 import pytest
 from numpy.typing import NDArray
+from scipy.ndimage import uniform_filter
 from torch import Tensor
 
 from ship_trl.config.types import World
@@ -71,23 +72,18 @@ def large_picture(case: Case, world: World, state: Place, vector_time: float = 0
     return np.asarray(large.reshape(scene.SIZE, TIMES, scene.SIZE, TIMES, 3).mean((1, 3)))
 
 
-def window_mean(picture: Picture) -> Picture:
-    """Mean of every 7 x 7 window: [H, W, 3] to [H - 6, W - 6, 3]."""
-    for axis in (0, 1):
-        sums = np.cumsum(np.insert(picture, 0, 0.0, axis), axis)
-        low, high = np.arange(sums.shape[axis] - WINDOW), np.arange(WINDOW, sums.shape[axis])
-        picture = (sums.take(high, axis) - sums.take(low, axis)) / WINDOW
-    return picture
-
-
 def compare(one: Picture, other: Picture) -> tuple[float, float]:
     """Structural similarity (Wang et al., 2004), mean over the colours and over 7 x 7 windows.
 
     Of all windows, and of those with anything in them: bare water is alike in any two pictures.
     """
-    mean1, mean2 = window_mean(one), window_mean(other)
-    var1, var2 = window_mean(one * one) - mean1**2, window_mean(other * other) - mean2**2
-    covariance = window_mean(one * other) - mean1 * mean2
+
+    def mean(values: Picture) -> Picture:
+        return np.asarray(uniform_filter(values, (WINDOW, WINDOW, 1)))
+
+    mean1, mean2 = mean(one), mean(other)
+    var1, var2 = mean(one * one) - mean1**2, mean(other * other) - mean2**2
+    covariance = mean(one * other) - mean1 * mean2
     c1, c2 = (0.01 * 255) ** 2, (0.03 * 255) ** 2
     means = (2 * mean1 * mean2 + c1) / (mean1**2 + mean2**2 + c1)
     similar = (means * (2 * covariance + c2) / (var1 + var2 + c2)).mean(-1)

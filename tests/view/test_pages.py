@@ -30,14 +30,14 @@ def read(path: Path) -> NDArray[np.uint8]:
 
 
 def test_every_case_has_a_picture_and_a_caption(world: World, tmp_path: Path) -> None:
-    suite, side = load_suite("imazu", world), pages.START_PICTURE
+    suite, side = load_suite("imazu", world), pages.START_SIDE
     names = [case.name for case in suite.cases]
     pages.write_case_page(tmp_path / "page.png", names, Starts(suite, world).states, world)
     page = read(tmp_path / "page.png")
     # A picture is water, whose colour is nowhere else.
     water = (page == scene.DISC).all(-1)
     for column in range(pages.STARTS):
-        left = pages.MARGIN + column * (side + pages.START_GAP)
+        left = pages.MARGIN + column * (side + pages.GAP)
         rows = water[:, left + 2].nonzero()[0]
         # The lines of the grid are thinner than a caption.
         tops = [rows[0], *rows[np.flatnonzero(np.diff(rows) > 5) + 1]]
@@ -52,7 +52,7 @@ def test_a_caption_counts_the_ships_of_each_class(world: World, make_case: Calla
     crossing, ahead, port = (300, 300, 180, 15), (0, 600, -90, 15), (-300, 300, 0, 15)
     state = initial_state(make_case(crossing, ahead, crossing), world, places=5)
     assert pages.encounter_classes(state) == [Encounter.GIVE_WAY, Encounter.HEAD_ON, Encounter.GIVE_WAY]
-    assert [text for text, _ in pages.class_captions(state)] == ["head-on", "give way, 2 ships"]
+    assert [text for text, *_ in pages.class_captions(state)] == ["head-on", "give way, 2 ships"]
     assert pages.encounter_classes(initial_state(make_case(port), world)) == [Encounter.STAND_ON]
     assert pages.class_captions(initial_state(make_case(), world))[0][0] == "no target ships"
     assert set(pages.CLASSES) == set(Encounter)
@@ -68,26 +68,24 @@ def test_a_way_ends_where_a_ship_will_be(world: World, make_case: Callable[..., 
     assert tuple(picture[102, 100]) == scene.OWN and tuple(picture[92, 100]) != scene.OWN
 
 
-def test_the_sheet_has_a_row_for_each_case(world: World, tmp_path: Path) -> None:
-    cases = [load_case(name, world) for name in ("1", "2", "imazu22")]
-    pages.write_contact_sheet(tmp_path / "cases.png", cases, world)
-    sheet, side = read(tmp_path / "cases.png"), pages.SHEET_PICTURE
-    green = (sheet == scene.TARGET).all(-1)
-    for row, case in enumerate(cases):
-        top = pages.HEAD + row * (side + pages.SHEET_GAP)
-        for column in (0, 1, 3):
-            left = pages.SHEET_MARGIN + pages.LABEL + column * (side + pages.SHEET_GAP)
-            assert green[top : top + side, left : left + side].any() == bool(case.target_ships), column
-
-
-def test_the_networks_view_is_three_times_its_size(
+def test_the_sheet_has_a_row_for_each_case_and_the_networks_view_in_blocks(
     world: World, tmp_path: Path, make_case: Callable[..., Case]
 ) -> None:
-    case, side = make_case((-300.0, 150.0, 0.0, 15.0)), pages.SHEET_PICTURE
-    pages.write_contact_sheet(tmp_path / "cases.png", [case], world)
-    left = pages.SHEET_MARGIN + pages.LABEL + 2 * (side + pages.SHEET_GAP)
-    shown = read(tmp_path / "cases.png")[pages.HEAD : pages.HEAD + side, left : left + side, 0]
-    seen = make_rasteriser(world)(scenes(case, world, [[0.0, 180.0, np.pi / 2, 12.0]]))[0, 0].numpy()
+    crossing, side = make_case((-300.0, 150.0, 0.0, 15.0)), pages.SHEET_SIDE
+    cases = [crossing, load_case("1", world), load_case("imazu22", world)]
+    pages.write_contact_sheet(tmp_path / "cases.png", cases, world)
+    sheet, step = read(tmp_path / "cases.png"), side + pages.GAP
+    water = (sheet[:, pages.MARGIN + 2] == scene.DISC).all(-1).nonzero()[0]
+    tops = [water[0], *water[np.flatnonzero(np.diff(water) > 5) + 1]]
+    assert len(tops) == len(cases)
+    for top, case in zip(tops, cases, strict=True):
+        for column in (0, 1, 3):
+            left = pages.MARGIN + column * step
+            green = (sheet[top : top + side, left : left + side] == scene.TARGET).all(-1)
+            assert green.any() == bool(case.target_ships), column
+    left = pages.MARGIN + 2 * step
+    shown = sheet[tops[0] : tops[0] + side, left : left + side, 0]
+    seen = make_rasteriser(world)(scenes(crossing, world, [[0.0, 180.0, np.pi / 2, 12.0]]))[0, 0].numpy()
     # One millimetre of rounding in the place may move a grey level by one.
     assert np.abs(shown[1::3, 1::3].astype(int) - seen).max() <= 1
     assert (shown.reshape(84, 3, 84, 3) == shown[1::3, 1::3][:, None, :, None]).all()

@@ -31,7 +31,7 @@ SIDE = 840
 
 def measured(world: World, case: str = "4", plan: tuple[int, ...] = (3, 4)) -> Telemetry:
     chosen = load_case(case, world)
-    return measure_episode(chosen, world, run_actions(chosen, world, plan))
+    return measure_episode(world, run_actions(chosen, world, plan))
 
 
 def picture(
@@ -63,8 +63,8 @@ def test_own_ship_moves_on_a_still_map_or_stays_in_the_middle(world: World) -> N
 
 def test_the_map_holds_everything_that_matters(world: World) -> None:
     for name in ("1", "2", "4", "6", "new"):
-        telemetry = measured(world, name, (0, 3, 3))
-        frame, case = map_frame((telemetry,), SIDE), telemetry.case
+        telemetry, case = measured(world, name, (0, 3, 3)), load_case(name, world)
+        frame = map_frame((telemetry,), SIDE)
         places = np.concatenate((telemetry.states[:, :2], telemetry.ships[0], [case.start, case.goal]))
         pixels = frame.points(places)
         assert (pixels > 0).all() and (pixels < SIDE).all()
@@ -72,11 +72,11 @@ def test_the_map_holds_everything_that_matters(world: World) -> None:
 
 def test_the_map_of_single_states_of_an_episode_stays_still(world: World) -> None:
     """As an environment draws them: the goal is at one place."""
-    case, states = load_case("4", world), measured(world, "4", (3, 4)).states
+    states = measured(world, "4", (3, 4)).states
     goals = []
     for row in states[[0, 5, 10]]:
         start, state = (torch.from_numpy(one).float() for one in (states[0], row))
-        pixels = pen.to_array(draw_scene(case, world, state, SIDE, start))
+        pixels = pen.to_array(draw_scene(world, state, SIDE, start))
         goals.append(np.argwhere((pixels == GOAL_MARK).all(-1)).mean(0))
     assert np.ptp(goals, axis=0).max() < 1
 

@@ -179,7 +179,7 @@ def test_a_suite_is_shown_case_by_case_and_perturbed_starts_are_drawn_again(tmp_
     again = made.views[0].telemetry
     assert (first.states[0] != again.states[0]).any() and again.case.name == "1"
     made.next_case()
-    assert made.views[0].telemetry.case.name == "2"
+    assert made.views[0].case.name == "2"
 
 
 @pytest.mark.parametrize("key", ["a", "t", "s", "h"])
@@ -193,7 +193,7 @@ def test_a_look_is_taken_and_left_by_the_same_key(session: Session, key: str) ->
 def test_policies_cases_and_episodes_come_in_turn(session: Session) -> None:
     def shown() -> tuple[str, str]:
         one = session.views[0]
-        return one.title, one.telemetry.case.name
+        return one.title, one.case.name
 
     assert shown() == ("keep_course", "4")
     press(session, "p")

@@ -255,10 +255,7 @@ class ShipCollisionVectorEnv(gymnasium.vector.VectorEnv[Observations, NDArray[np
         from ship_trl.view.pen import to_array
 
         rows = zip(torch.from_numpy(self._state), torch.from_numpy(self._first_state), strict=True)
-        return tuple(
-            to_array(draw_scene(self.world, state, LARGE_PICTURE, start))
-            for state, start in rows
-        )
+        return tuple(to_array(draw_scene(self.world, state, LARGE_PICTURE, start)) for state, start in rows)
 
 
 class ShipCollisionEnv(gymnasium.Env[Observations, np.int64]):

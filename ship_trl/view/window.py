@@ -97,12 +97,9 @@ class Window(ABC):
     def __init__(self, speed: float) -> None:
         self.position, self.is_running, self.speed = 0.0, True, speed
         self.look, self.has_help, self.is_closed = Look(), False, False
-        look, help_ = self.toggle_look, self._toggle_help
-        self.keys: dict[str, Callable[[], object]] = {
-            "a": lambda: look("relative"),
-            "t": lambda: look("large"),
-        }
-        self.keys |= {"h": help_, "f1": help_, "q": self._close, "escape": self._escape}
+        self.keys: dict[str, Callable[[], object]] = {"h": self._toggle_help, "f1": self._toggle_help}
+        self.keys |= {"q": self._close, "escape": self._escape, "t": lambda: self.toggle_look("large")}
+        self.keys["a"] = lambda: self.toggle_look("relative")
 
     @property
     @abstractmethod

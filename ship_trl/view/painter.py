@@ -168,7 +168,7 @@ def paint_scene(
     for pose, way, speed in zip(poses, ways or [OWN_TRACK, *[SHIP_TRACK] * len(ships)], speeds, strict=True):
         course = np.array([math.cos(pose[HEADING]), math.sin(pose[HEADING])])
         end = pose[:2] + min(speed * ahead, MAX_VECTOR) * course
-        pen.strip(picture, way, frame.point(*pose[:2]), frame.point(*end), thin)
+        pen.strip(picture, way, frame.point(*pose[:2]), frame.point(*end), 2.0 if ways else thin)
     if frame.side >= SMALL_SIDE:
         pen.write(picture, "goal", at, GOAL_MARK, text_size(frame.side, 18), across=0.5)
         _draw_north(picture, frame)

@@ -63,6 +63,7 @@ CLASSES: dict[Encounter, tuple[str, Colour]] = {
 SHEET_STEPS = 12
 # A line of text: its words, letters in pixels, and colour.
 Line = tuple[str, int, Colour]
+Cell = tuple[pygame.Surface, Sequence[Line]]
 
 
 def encounter_classes(state: Tensor) -> list[Encounter]:
@@ -115,7 +116,7 @@ def write_episode_page(
     order = sorted(range(len(episodes)), key=lambda k: FAILURES.index(episodes[k].outcome))[:MAX_PATHS]
     reach = max(float(goal_distance(one.states[0])) / 2 for one in episodes)
     width = 2 * (reach + world.goal_distance + AROUND_PATHS)
-    cells = []
+    cells: list[Cell] = []
     for one, name in ((episodes[k], names[k]) for k in order):
         near = f", {one.dcpa:.0f} m" if math.isfinite(one.dcpa) else ""
         end = f"{one.outcome} {one.length * world.dt:.0f} s{near}", 12, OUTCOMES[one.outcome]
@@ -140,7 +141,7 @@ def write_contact_sheet(path: Path, cases: Sequence[Case], world: World) -> None
     A row has a picture of the start, and one after keeping course for `SHEET_STEPS` steps. The network's view
     of this moment follows, in grey and in colour.
     """
-    cells = []
+    cells: list[Cell] = []
     for case in cases:
         start = initial_state(case, world)
         later, straight = start[None], torch.tensor([world.straight_action])
@@ -169,7 +170,7 @@ def write_contact_sheet(path: Path, cases: Sequence[Case], world: World) -> None
 
 def _write_page(
     path: Path,
-    cells: Sequence[tuple[pygame.Surface, Sequence[Line]]],
+    cells: Sequence[Cell],
     columns: int,
     footer: Sequence[str],
     header: Sequence[Line] = (),

@@ -157,8 +157,8 @@ def paint_scene(
                 large_dot = 1.7 if past % 10 == 0 else 1
                 pen.circle(picture, colour, place, max(1.5, frame.side / 400) * large_dot)
     has_ended = telemetry.outcome is not None and position >= telemetry.steps
-    is_danger = np.linalg.norm(ships - own[:2], axis=-1).min(initial=math.inf) < world.safe_distance
-    is_danger |= has_ended and telemetry.outcome == "collision"
+    is_near = np.linalg.norm(ships - own[:2], axis=-1).min(initial=math.inf) < world.safe_distance
+    is_danger = is_near or (has_ended and telemetry.outcome == "collision")
     colour, width = (DANGER, 3.0) if is_danger else (FAINT, max(1.0, frame.side / 600))
     pen.circle(picture, colour, frame.point(*own[:2]), world.safe_distance * frame.scale, width)
     length = hull_length(world, frame.scale)

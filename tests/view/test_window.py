@@ -63,7 +63,8 @@ def game(window: None, tmp_path: Path) -> Game:
 class StubWindow(Window):
     """A window with four steps of one second."""
 
-    status, steps = "", 4
+    status = ""
+    steps = 4
 
     def __init__(self, speed: float = 1.0) -> None:
         super().__init__(speed)

@@ -114,7 +114,8 @@ class Panel:
         if chosen is not None:
             speed, turn = world.actions[chosen]
             side = "keep course" if turn == 0 else "to port" if turn > 0 else "to starboard"
-            items.insert(0, (CHOSEN, f"a{chosen + 1}, {side}: {speed:g} m/s, {number(turn, 'g')} rad/s"))
+            does = f"a{chosen + 1}, {side}", f"{speed:g} m/s, {number(turn, 'g')} rad/s"
+            items = [*((CHOSEN, words) for words in does), *items]
         if q is not None:
             items.append((TEXT, f"value V {number(float(q.mean()), '.3f')}"))
         items.append((TEXT, f"return so far {number(float(numbers.total[step]), '.1f')}"))

@@ -217,7 +217,7 @@ def draw_paths(episode: Episode, world: World, side: int, width: float) -> pygam
     """Draw an episode's paths as a square of `width` metres; own ship's has the colour of the outcome."""
     telemetry, picture = measure_episode(world, episode), pen.new_surface(side, side)
     frame = _frame(episode.states[0], side, width)
-    paint_scene(picture, telemetry, telemetry.steps, frame, track=OUTCOMES[episode.outcome])
+    paint_scene(picture, telemetry, telemetry.steps, frame, track=OUTCOMES[episode.outcome], ahead=0.0)
     return picture
 
 

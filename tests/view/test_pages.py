@@ -75,7 +75,7 @@ def test_the_sheet_has_a_row_for_each_case_and_the_networks_view_in_blocks(
     cases = [crossing, load_case("1", world), load_case("imazu22", world)]
     pages.write_contact_sheet(tmp_path / "cases.png", cases, world)
     sheet, step = read(tmp_path / "cases.png"), side + pages.GAP
-    water = (sheet[:, pages.MARGIN + 2] == scene.DISC).all(-1).nonzero()[0]
+    water = (sheet[:, pages.MARGIN : pages.MARGIN + side] == scene.DISC).all(-1).any(1).nonzero()[0]
     tops = [water[0], *water[np.flatnonzero(np.diff(water) > 5) + 1]]
     assert len(tops) == len(cases)
     for top, case in zip(tops, cases, strict=True):
@@ -115,7 +115,8 @@ def test_failures_come_first_and_the_page_has_a_largest_size(
         pages.write_episode_page(tmp_path / name / "page.png", "kept", ["x"] * len(some), some, world)
         return read(tmp_path / name / "page.png")
 
-    shown, half = page("few", episodes)[50:], pages.WIDTH // 2
+    shown = page("few", episodes)[50:]
+    half = shown.shape[1] // 2
     # Four of seven collide: the left half of the page, below its title.
     assert count_pixels(shown[:, :half], "collision") > 100 and count_pixels(shown[:, :half], "goal") == 0
     assert count_pixels(shown[:, half:], "goal") > 100 and count_pixels(shown[:, half:], "collision") == 0

@@ -162,11 +162,11 @@ def test_a_suite_is_shown_case_by_case_and_perturbed_starts_are_drawn_again(tmp_
     entries = split_suites([replace(one, suite=replace(one.suite, perturbation=Perturbation(9.0)))])
     made = Session(entries, folder=tmp_path)
     assert [case.name for case in made.cases] == ["1", "2", "3", "4", "5", "6", "new"]
-    first = made.views[0].telemetry
-    assert first.case.name == "1"
+    (first,) = made.views
     made.next_episode()
-    again = made.views[0].telemetry
-    assert (first.states[0] != again.states[0]).any() and again.case.name == "1"
+    (again,) = made.views
+    assert (first.telemetry.states[0] != again.telemetry.states[0]).any()
+    assert first.case.name == again.case.name == "1"
     made.next_case()
     assert made.views[0].case.name == "2"
 

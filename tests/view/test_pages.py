@@ -84,7 +84,7 @@ def test_the_sheet_has_a_row_for_each_case_and_the_networks_view_in_blocks(
             green = (sheet[top : top + side, left : left + side] == scene.TARGET).all(-1)
             assert green.any() == bool(case.target_ships), column
     left = pages.MARGIN + 2 * step
-    shown = sheet[tops[0] : tops[0] + side, left : left + side, 0]
+    shown = sheet[pages.MARGIN : pages.MARGIN + side, left : left + side, 0]
     seen = make_rasteriser(world)(scenes(crossing, world, [[0.0, 180.0, np.pi / 2, 12.0]]))[0, 0].numpy()
     # One millimetre of rounding in the place may move a grey level by one.
     assert np.abs(shown[1::3, 1::3].astype(int) - seen).max() <= 1

@@ -60,7 +60,7 @@ def write_gif(
 ) -> None:
     """Write an episode as a looping GIF with one frame for each step.
 
-    The rasteriser draws what the network saw; `title` stands beside the name of the case.
+    The rasteriser draws what the network saw; `title` follows the name of the case.
     """
     view = EpisodeView(case, title, measure_episode(world, episode), rasteriser, network)
     frames = draw_film([view], Look(), SMALL.size, STEPS_PER_SECOND, STEPS_PER_SECOND * world.dt)

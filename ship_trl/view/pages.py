@@ -123,7 +123,7 @@ def write_episode_page(
         lines: list[Line] = [*((line, 13, TEXT) for line in name.split("\n")), end]
         cells.append((draw_paths(one, world, PATH_SIDE, width), lines))
     shown = f", {len(order)} shown" if len(order) < len(episodes) else ""
-    # The end of a long path says most; the counts stand beside it.
+    # The end of a long path says most.
     title = title if len(title) <= MAX_TITLE else f"...{title[-MAX_TITLE:]}"
     header: list[Line] = [(f"{title}: {counted(len(episodes), 'episode')}{shown}", 18, TEXT)]
     header += [(f"{outcome} {ends[outcome]}", 15, OUTCOMES[outcome]) for outcome in FAILURES]
@@ -206,7 +206,7 @@ def _height(line: Line) -> int:
 
 
 def draw_start(state: Tensor, world: World, side: int, width: float) -> pygame.Surface:
-    """Draw a state [S] as a square of `width` metres; the colour of a ship's way is that of its class."""
+    """Draw a state [S] as a square of `width` metres; the way of a ship has the colour of its class."""
     telemetry, picture = still(world, state), pen.new_surface(side, side)
     ways = [scene.OWN, *(CLASSES[one][1] for one in encounter_classes(state))]
     paint_scene(picture, telemetry, 0.0, _frame(state, side, width), ways=ways, ahead=AHEAD)

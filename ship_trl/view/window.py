@@ -36,7 +36,7 @@ DRIVER = "SDL_VIDEODRIVER"
 FRAMES_PER_SECOND = 60
 # Share of the screen's sides that a window takes at most: its title and a task bar need room.
 SHARE = 0.9
-# Simulated seconds per real second; those of policies and of a player at first.
+# Simulated seconds per real second; the first of policies, and of a player.
 SPEEDS = (0.5, 1.0, 2.0, 5.0, 10.0, 20.0)
 WATCHED_SPEED, PLAYED_SPEED = 5.0, 2.0
 # Of saved pictures and films.
@@ -348,7 +348,7 @@ def distinct_cases(cases: Sequence[Suite]) -> list[Suite]:
 class Game(Window):
     """Lets a person steer; finished episodes are kept in `folder`, unless it is None.
 
-    `actions` are those of the episode so far; `rudder` is the index of the next one.
+    `actions` were taken in the episode so far; `rudder` is the index of the next one.
     """
 
     help = (

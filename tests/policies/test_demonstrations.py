@@ -9,11 +9,14 @@ from ship_trl.config.errors import ConfigError
 from ship_trl.policies.demonstrations import Demonstration, read_demonstrations, write_demonstration
 from ship_trl.policies.reference import best_known
 from ship_trl.sim.cases import load_case, load_world
-from tests.command import SMOKE, ship_trl
+from tests.command import ship_trl
 
 WORLD = load_world()
 CASE = load_case("4", WORLD)
-LINE = (*SMOKE, "target=4", "method=scratch")
+LINE = (
+    *("target=4", "method=scratch", "profile=smoke", "learn.episodes=4", "learn.warmup_steps=40"),
+    "learn.jumpstart_draws=0",
+)
 
 
 def kept(folder: Path, episode_return: float | None = None) -> Path:

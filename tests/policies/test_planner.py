@@ -8,7 +8,6 @@ import torch
 from ship_trl.config.types import World
 from ship_trl.fast.worlds import make_env
 from ship_trl.policies.planner import Plan, ValueBound, best_plan
-from ship_trl.policies.reference import best_known
 from ship_trl.sim.cases import Case, load_case
 from ship_trl.sim.reward import TERMS, PaidStep, Term
 from ship_trl.sim.state import goal_distance, initial_state
@@ -83,7 +82,7 @@ def test_no_episode_gains_more_than_its_bound(
     start, count = initial_state(case, world), 3000
     bound = ValueBound(step, start)
     # The best known plan, with increasingly many random actions.
-    best = torch.tensor(best_known(case, world).actions)
+    best = torch.tensor(best_plan(case, world, beam=500).actions)
     is_random = torch.rand(count, 60, generator=generator) < torch.linspace(0, 1, count)[:, None]
     random_actions = torch.randint(7, (count, 20), generator=generator).repeat_interleave(3, 1)
     plan = torch.where(is_random, random_actions, torch.nn.functional.pad(best, (0, 60 - len(best)), value=3))

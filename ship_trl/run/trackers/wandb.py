@@ -43,18 +43,17 @@ class WandbTracker:
         self._folder = Path(run.config.wandb.folder)
         self._logged, self._failed = 0, False
         self._wandb: Any = None
-        if run.config.wandb.mode is WandbMode.online:
+        modes: tuple[Literal["online", "offline"], ...] = ("online", "offline")
+        for mode in modes[run.config.wandb.mode is WandbMode.offline :]:
             try:
-                self._wandb = self._init("online")
+                self._wandb = self._init(mode)
+                break
             except Exception as error:  # from wandb or its dependencies
+                if mode == "offline":
+                    raise ConfigError(f"wandb: {describe(error)}; logger=csv trains without wandb") from None
                 console.say(f"wandb: {describe(error)}; this run is logged offline")
                 # A new id, because wandb still holds the id of the run that it could not start.
                 self._id = secrets.token_hex(4)
-        if self._wandb is None:
-            try:
-                self._wandb = self._init("offline")
-            except Exception as error:
-                raise ConfigError(f"wandb: {describe(error)}; logger=csv trains without wandb") from None
 
     def _init(self, mode: Literal["online", "offline"]) -> Any:
         """Start the run in wandb, or resume it there."""

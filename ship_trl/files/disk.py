@@ -86,12 +86,8 @@ def atomic_write(path: Path) -> Iterator[Path]:
 
 
 def write_tensors(path: Path, tensors: Mapping[str, Tensor], header: Mapping[str, str]) -> None:
-    """Write contiguous tensors as a safetensors file; raise MemoryError if two copies do not fit."""
-    import numpy as np
+    """Write contiguous tensors as a safetensors file."""
     from safetensors.torch import save
 
-    # safetensors makes two copies in Rust, which aborts the process if memory is short. So Python allocates
-    # as much first, and frees it again.
-    np.empty(2 * sum(value.nbytes for value in tensors.values()) + (1 << 20), np.uint8)
     # `save_file` raises no OSError on a full disk, and leaves a draft of its own if killed.
     path.write_bytes(save(dict(tensors), dict(header)))

@@ -161,12 +161,7 @@ def other(name: str) -> str:
 
 
 def write(path: Path, tensors: Mapping[str, Tensor], about: About) -> None:
-    """Write a checkpoint.
-
-    Raises:
-        MemoryError: two copies of the tensors do not fit into memory.
-        OSError: the disk is full, or the folder is not writable.
-    """
+    """Write a checkpoint, or raise an OSError."""
     tensors = {name: value.contiguous() for name, value in tensors.items()}
     header = json.dumps(asdict(about) | {"digest": digest(tensors, about)})
     with atomic_write(path) as draft:

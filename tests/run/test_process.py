@@ -18,44 +18,6 @@ from ship_trl.study.launch import last_episode
 from tests.command import environment
 from tests.config.test_config import composed
 
-# Weights of 64 MB are to be written where 0, 10, 20 ... MB are left.
-LITTLE_MEMORY = """
-import resource
-import sys
-from pathlib import Path
-import torch
-from ship_trl.files.disk import write_tensors
-from ship_trl.run.process import configure_process
-
-configure_process()
-write_tensors(Path(sys.argv[1]), {"weight": torch.zeros(1)}, {})
-weights = {"weight": torch.zeros(16 * 2**20)}
-_, most = resource.getrlimit(resource.RLIMIT_AS)
-for left in range(0, 260, 10):
-    pages = int(Path("/proc/self/statm").read_text().split()[0])
-    resource.setrlimit(resource.RLIMIT_AS, (pages * resource.getpagesize() + left * 2**20, most))
-    try:
-        write_tensors(Path(sys.argv[1]), weights, {})
-        print("written")
-    except MemoryError:
-        print("no memory")
-"""
-
-
-@pytest.mark.skipif(sys.platform != "linux", reason="Linux says how much memory is mapped")
-def test_without_memory_for_weights_an_error_is_raised(tmp_path: Path) -> None:
-    # For a backtrace Rust needs memory, and deadlocks without it.
-    asked = {**os.environ, "RUST_BACKTRACE": "1"}
-    done = subprocess.run(
-        [sys.executable, "-c", LITTLE_MEMORY, str(tmp_path / "weights.safetensors")],
-        env=asked,
-        capture_output=True,
-        text=True,
-        timeout=120,
-    )
-    said = done.stdout.splitlines()
-    assert done.returncode == 0 and said[0] == "no memory" and said[-1] == "written", done
-
 
 def resident() -> float:
     """Return the resident memory of this process in MB."""

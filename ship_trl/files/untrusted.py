@@ -7,7 +7,7 @@ import io
 import re
 from collections.abc import Callable, Iterable, Sequence
 from pathlib import Path
-from typing import Any, NoReturn, TypeVar
+from typing import Any, TypeVar
 
 import yaml
 from omegaconf import DictConfig, ListConfig, OmegaConf
@@ -27,20 +27,13 @@ MAX_YAML_DEPTH = 50
 NUMBERS = {
     "tag:yaml.org,2002:int": r"-?(0|[1-9][0-9]*)$",
     "tag:yaml.org,2002:float": r"[-+]?([0-9]+\.[0-9]*|\.[0-9]+|[0-9]+(?=e))(e[-+]?[0-9]+)?$|-?\.(inf|nan)$",
-    "sexagesimal": r"[-+]?[0-9]+(:[0-5]?[0-9])+(\.[0-9]*)?$",
 }
-
-
-def refuse_sexagesimal(_loader: Any, node: yaml.Node) -> NoReturn:
-    """Raise a YAMLError that names the line of a number such as 3:30."""
-    problem = f"{node.value} is no decimal number; as text it stands in quotes"
-    raise yaml.constructor.ConstructorError(None, None, problem, node.start_mark)
 
 
 def decimal_loader() -> Any:
     """Make OmegaConf's loader of YAML, with decimal numbers alone.
 
-    A word such as 045 or 1_0 stays text: `read_as` makes a number of it where the key is one.
+    A word such as 045, 1_0 or 3:30 stays text: `read_as` makes a number of it where the key is one.
     """
     loader = get_yaml_loader()
     loader.yaml_implicit_resolvers = {
@@ -49,7 +42,6 @@ def decimal_loader() -> Any:
     }
     for tag, pattern in NUMBERS.items():
         loader.add_implicit_resolver(tag, re.compile(pattern, re.IGNORECASE), list("-+.0123456789"))
-    loader.add_constructor("sexagesimal", refuse_sexagesimal)
     return loader
 
 
@@ -71,12 +63,10 @@ def read_yaml(path: Path) -> DictConfig | ListConfig:
     this machine's environment into output and files, and a few aliases can stand for billions of values.
 
     Raises:
-        yaml.YAMLError: it is not YAML, too large or too deep, or has an interpolation or an alias.
-        OSError: it cannot be read.
+        yaml.YAMLError: it is not YAML, too deep, or has an interpolation or an alias.
+        OSError: it cannot be read, or is too large.
     """
-    if path.is_file() and path.stat().st_size > MAX_YAML_BYTES:
-        raise yaml.YAMLError(f"larger than {MAX_YAML_BYTES} bytes")
-    data = read_file(path)
+    data = read_file(path, MAX_YAML_BYTES)
     try:
         text = data.decode()
         refuse_more_than_values(text)

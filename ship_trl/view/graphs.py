@@ -44,12 +44,12 @@ class Graph:
             left, top, box.width - round(4.9 * size), box.height - round(3.9 * size)
         )
         count = max(2, room.height // round(2.2 * size))
-        ticks = MaxNLocator(count, steps=[1, 2, 5, 10]).tick_values(low, high).tolist()
+        ticks = [float(tick) for tick in MaxNLocator(count, steps=[1, 2, 5, 10]).tick_values(low, high)]
         self.low, self.high = min(low, ticks[0]), max(high, ticks[-1])
         for value in ticks:
-            left, down = self.place(0, value)
-            pygame.draw.aaline(drawn, RULE, (left, down), (room.right, down))
-            pen.write(drawn, number(value, "g"), (left - 6, down), FAINT, size, across=1)
+            start, down = self.place(0, value)
+            pygame.draw.aaline(drawn, RULE, (start, down), (room.right, down))
+            pen.write(drawn, number(value, "g"), (start - 6, down), FAINT, size, across=1)
         below = room.bottom + 0.5 * size + 5
         for step in range(0, self.steps + 1, 10 if self.steps <= 100 else 100):
             right, down = self.place(step, self.low)

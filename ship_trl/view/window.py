@@ -422,7 +422,7 @@ class Game(Window):
             self.actions.append(self.rudder)
             self._measure()
         self.advance(seconds)
-        if not self.is_running and self.telemetry.outcome:
+        if self.position >= self.steps and self.telemetry.outcome:
             self._keep(self.telemetry.outcome)
         else:
             # It pauses after each action, but the episode continues.

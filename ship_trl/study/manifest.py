@@ -2,12 +2,11 @@
 
 from __future__ import annotations
 
-import dataclasses
 import hashlib
 import json
 import subprocess
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from datetime import UTC, datetime
 from pathlib import Path
 from typing import Annotated, Any
@@ -34,7 +33,7 @@ Seeds = Annotated[list[int], rule("a list of seeds", bool)]
 class Plan:
     """What was planned, as in a study.json; empty for a folder without one.
 
-    `rules` are those of the beginning (see `stamp`).
+    `rules` are those of the beginning (see `stamp`); `kept` are digests of the tables of a copy, by name.
     """
 
     settings: dict[str, Any]
@@ -42,6 +41,7 @@ class Plan:
     jobs: list[Job]
     judged: Seeds = field(default_factory=list)
     rules: Stamp = field(default_factory=dict)
+    kept: dict[str, str] = field(default_factory=dict)
 
     @property
     def seeds(self) -> tuple[int, ...]:
@@ -58,6 +58,12 @@ class Plan:
             return max(0, int(steps // self.settings["world"]["max_steps"]))
         except (KeyError, TypeError, ValueError, ArithmeticError):
             return 0
+
+    def to_json(self, indent: int | None = None) -> str:
+        """Return the text of a study.json, without what is empty."""
+        jobs = [{key: value for key, value in vars(job).items() if value != {}} for job in self.jobs]
+        values = {key: value for key, value in vars(self).items() if value}
+        return json.dumps(values | {"jobs": jobs}, indent=indent)
 
 
 NO_PLAN = Plan({}, {}, [])
@@ -91,28 +97,25 @@ def write_plan(jobs: list[Job], config: StudyConfig, rules: Sequence[Path] = ())
     # A case file may be edited later.
     cases = {name: load_suite(name, shared.world).fingerprint for name in sorted(names)}
     path = config.folder / PLAN
-    begun = read_plan(path, "output") if path.exists() else {}
-    before, known = begun.get("settings", settings), begun.get("cases", {})
-    keys = sorted(settings.keys() | before.keys())
-    differ = [key for key in keys if settings.get(key) != before.get(key)]
-    differ += [f"case {name}" for name in cases if known.get(name, cases[name]) != cases[name]]
+    # Seeds that are added later are not judged, and the rules stay those of the beginning.
+    begun = (
+        read_plan(path, "output")
+        if path.exists()
+        else Plan(settings, {}, [], list(config.numbers), stamp(rules))
+    )
+    keys = sorted(settings.keys() | begun.settings.keys())
+    differ = [key for key in keys if settings.get(key) != begun.settings.get(key)]
+    differ += [f"case {name}" for name in cases if begun.cases.get(name, cases[name]) != cases[name]]
     if differ:
         raise ConfigError(
             f"output: {config.folder} holds a study with other settings ({', '.join(differ)}); "
             "allowed: another output=FOLDER"
         )
-    plan = {
-        "settings": settings,
-        "cases": known | cases,
-        # Seeds that are added later are not judged, and the rules stay those of the beginning.
-        "judged": begun.get("judged", list(config.numbers)),
-        "rules": begun.get("rules", stamp(rules)),
-        "jobs": [dataclasses.asdict(job) for job in jobs],
-    }
+    plan = replace(begun, settings=settings, cases=begun.cases | cases, jobs=jobs)
     try:
         config.folder.mkdir(parents=True, exist_ok=True)
         with atomic_write(path) as draft:
-            draft.write_text(json.dumps(plan, indent=1))
+            draft.write_text(plan.to_json(indent=1))
     except OSError as error:
         raise ConfigError(f"output: {config.folder} cannot be written: {error.strerror}") from None
 
@@ -146,19 +149,18 @@ def shared_settings(jobs: list[Job], config: StudyConfig, shared: Config) -> dic
     return settings
 
 
-def read_plan(path: Path, key: str) -> dict[str, Any]:
-    """Read a study.json and check the parts that every study has; messages begin with `key`.
+def read_plan(path: Path, key: str) -> Plan:
+    """Read a study.json; messages begin with `key`.
 
     Raises:
         ConfigError: the file is missing, or is not a study's plan.
     """
     try:
-        plan: dict[str, Any] = read_json(path)
+        values = read_json(path)
     except (OSError, ValueError):
         state = "is not a study's plan" if path.exists() else "is missing; every study has this plan"
         raise ConfigError(f"{key}: {path} {state}") from None
-    read_as(Plan, plan, f"{key}: {path} is not a study's plan: ", from_json=True)
-    return plan
+    return read_as(Plan, values, f"{key}: {path} is not a study's plan: ", from_json=True)
 
 
 def load_plan(folder: Path) -> Plan:
@@ -170,7 +172,7 @@ def load_plan(folder: Path) -> Plan:
     path = folder / PLAN
     if not path.exists():
         return NO_PLAN
-    plan = read_as(Plan, read_plan(path, "folder"), from_json=True)
+    plan = read_plan(path, "folder")
     if not plan.seeds:
         raise ConfigError(f"folder: {path} is not a study's plan: it has no seeds")
     return plan

@@ -257,12 +257,7 @@ class Job:
 
     def folder(self, study: Path) -> Path:
         """Return the run's folder."""
-        return run_folder(study, self.part, self.label, self.arm, self.seed)
-
-
-def run_folder(study: Path, part: str, label: str, arm: str, seed: int) -> Path:
-    """Return the folder of a run in a study's folder."""
-    return study / part / label / arm / f"seed={seed}"
+        return study / self.part / self.label / self.arm / f"seed={self.seed}"
 
 
 def plan_jobs(config: StudyConfig) -> list[Job]:

@@ -11,16 +11,15 @@ from __future__ import annotations
 
 import hashlib
 import io
-import json
 import lzma
 import os
 import shutil
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
-from dataclasses import fields, replace
+from dataclasses import replace
 from itertools import groupby
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 from ship_trl.config.errors import ConfigError, print_error
 from ship_trl.config.paths import is_name
@@ -28,13 +27,13 @@ from ship_trl.files.curve import GREEDY, SHARED, TRAINING, TYPES, RunError, writ
 from ship_trl.files.disk import MAX_FILE_BYTES, atomic_write, read_file, writing
 from ship_trl.files.record import RESULT, RunRecord, check_run, from_cells, read_whole, with_curve
 from ship_trl.files.untrusted import read_table, rows
-from ship_trl.study.manifest import PLAN, read_plan
-from ship_trl.study.plan import PARTS, Job, run_folder
+from ship_trl.study.manifest import PLAN, Plan, read_plan
+from ship_trl.study.plan import PARTS
 
 if TYPE_CHECKING:
     import pandas as pd
 
-RUNS, CURVES, KEPT = "runs.csv", "curves.csv.xz", "kept"
+RUNS, CURVES = "runs.csv", "curves.csv.xz"
 COLUMNS = ("run", "kind", "episode", "epsilon", *SHARED)
 DRAW = "draw"
 # The strongest preset that takes less than 100 MB of memory.
@@ -48,15 +47,14 @@ def has_tables(folder: Path) -> bool:
     return any((folder / name).is_file() for name in (RUNS, CURVES))
 
 
-def read_tables(folder: Path, key: str = "folder") -> tuple[dict[str, Any], list[RunRecord]]:
+def read_tables(folder: Path, key: str = "folder") -> tuple[Plan, list[RunRecord]]:
     """Read a study's plan and runs, as they would be read from the runs' folders.
 
     Messages name `key`, the argument that gave the folder.
     """
     plan = read_plan(folder / PLAN, key)
-    kept = plan.get(KEPT)
     for path in (folder / RUNS, folder / CURVES):
-        if not isinstance(kept, dict) or not path.is_file() or digest(path) != kept.get(path.name):
+        if not path.is_file() or digest(path) != plan.kept.get(path.name):
             raise ConfigError(f"{key}: {path} is not the file that {PLAN} was kept with")
     with refused(key, folder / RUNS):
         kept_runs = [from_cells(cells) for _, cells in rows(read_file(folder / RUNS), ("part",))]
@@ -109,7 +107,7 @@ def write_tables(folder: Path, copy: Path) -> tuple[int, int]:
     import pandas as pd
 
     plan = read_plan(folder / PLAN, "folder")
-    if (copy / PLAN).exists() and KEPT not in read_plan(copy / PLAN, "copy"):
+    if (copy / PLAN).exists() and not read_plan(copy / PLAN, "copy").kept:
         raise ConfigError(f"copy: {copy} holds a study; allowed: another folder")
     broken: list[tuple[Path, str]] = []
     runs = sorted(read_runs(folder, broken), key=lambda run: (run.seed, *run.place))
@@ -117,9 +115,6 @@ def write_tables(folder: Path, copy: Path) -> tuple[int, int]:
         raise ConfigError(f"folder: {folder} holds a study's tables; allowed: a study's folder of runs")
     if not runs:
         raise ConfigError(f"folder: no finished run below {folder}; python -m ship_trl study run makes some")
-    plan = {key: plan[key] for key in ("settings", "cases", "judged", "rules", "jobs") if key in plan}
-    names = [one.name for one in fields(Job) if one.name != "values"]
-    plan["jobs"] = [{name: job[name] for name in names} for job in plan["jobs"]]
     table = pd.DataFrame([run.to_cells() for run in runs])
     try:
         copy.mkdir(parents=True, exist_ok=True)
@@ -133,9 +128,10 @@ def write_tables(folder: Path, copy: Path) -> tuple[int, int]:
             table.to_csv(runs_draft, index=False, lineterminator="\n")
             with writing(copy / CURVES, curves_draft):
                 write_curves(curves_draft, runs)
-            plan[KEPT] = {RUNS: digest(runs_draft), CURVES: digest(curves_draft)}
+            kept = {RUNS: digest(runs_draft), CURVES: digest(curves_draft)}
+            jobs = [replace(job, values={}) for job in plan.jobs]
             with writing(copy / PLAN, plan_draft):
-                plan_draft.write_text(json.dumps(plan) + "\n")
+                plan_draft.write_text(replace(plan, jobs=jobs, kept=kept).to_json() + "\n")
     except OSError as error:
         raise ConfigError(f"copy: {error.filename or copy} cannot be written: {error.strerror}") from None
     return len(runs), len(broken)
@@ -165,7 +161,7 @@ def restore(copy: Path, folder: Path) -> tuple[int, list[int]]:
         The number of restored runs, and the seeds that are not complete.
     """
     plan, runs = read_tables(copy, "copy")
-    planned = {(job["part"], job["label"], job["arm"], job["seed"]) for job in plan["jobs"]}
+    planned = {(job.part, job.label, job.arm, job.seed) for job in plan.jobs}
     have = {(*run.place, run.seed) for run in runs}
     seeds = {seed for *_, seed in planned}
     complete = seeds - {seed for *_, seed in planned - have}
@@ -183,8 +179,7 @@ def restore(copy: Path, folder: Path) -> tuple[int, list[int]]:
             place.mkdir(parents=True)
             write_curve(place, run.curve)
             run.write(place)
-        del plan[KEPT]
-        (draft / PLAN).write_text(json.dumps(plan, indent=1))
+        (draft / PLAN).write_text(replace(plan, kept={}).to_json(indent=1))
         draft.rename(folder)
     except OSError as error:
         raise ConfigError(f"folder: {error.filename or folder} cannot be written: {error.strerror}") from None
@@ -203,7 +198,7 @@ def place_of(run: RunRecord) -> Path:
     if run.part not in PARTS or not (is_name(run.pair) and is_name(run.arm)) or run.seed < 0:
         found = f"{run.part:.40} {run.pair:.40} {run.arm:.40} {run.seed}"
         raise ValueError(f"no run of a study is named {found}")
-    return run_folder(Path(), *run.place, run.seed)
+    return Path(run.part, run.pair, run.arm, f"seed={run.seed}")
 
 
 LAYERS = "layers.csv"

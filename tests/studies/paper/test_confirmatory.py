@@ -40,8 +40,8 @@ def same(one: str, other: str) -> bool:
 def test_its_seeds_are_whole_and_of_the_plan() -> None:
     plan, runs = read_tables(FOLDER)
     planned, kept = defaultdict(set), defaultdict(set)
-    for job in plan["jobs"]:
-        planned[job["seed"]].add((job["part"], job["label"], job["arm"]))
+    for job in plan.jobs:
+        planned[job.seed].add((job.part, job.label, job.arm))
     for record in runs:
         kept[record.seed].add(record.place)
         assert record.profile == "quick" and record.episodes == 600

@@ -27,9 +27,9 @@ def test_seeds_that_rise_together_leave_little_doubt_if_they_are_paired() -> Non
 
 
 @pytest.mark.parametrize("paired", [True, False])
-@pytest.mark.parametrize("runs", [3, 5, 10])
+@pytest.mark.parametrize("runs", [3, 10])
 @pytest.mark.parametrize(
-    ("area", "baseline", "spread"), [(0.7, 0.5, 0.05), (0.7, 0.5, 0.15), (0.85, 0.8, 0.1), (0.5, 0.5, 0.1)]
+    ("area", "baseline", "spread"), [(0.7, 0.5, 0.05), (0.85, 0.8, 0.1), (0.5, 0.5, 0.1)]
 )
 def test_the_interval_covers_the_truth_as_often_as_it_says(
     paired: bool, runs: int, area: float, baseline: float, spread: float

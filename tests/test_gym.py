@@ -204,12 +204,16 @@ def test_the_documents_line_needs_nothing_before_it(tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     ("make", "options", "message"),
     [
-        (ShipCollisionEnv, {"observation": "sound"}, "observation: must be one of pixels, vector, got sound"),
+        (ShipCollisionEnv, {"observation": "sound"}, "observation: must be 'pixels' or 'vector', got"),
         (ShipCollisionEnv, {"render_mode": "ansi"}, "render_mode: must be None or rgb_array, got 'ansi'"),
         (ShipCollisionEnv, {"max_episode_steps": 0}, "max_episode_steps: must be a whole number from 1 to"),
         (ShipCollisionVectorEnv, {"num_envs": 0}, "num_envs: must be at least 1, got 0"),
         (ShipCollisionVectorEnv, {"case": "nowhere"}, "nowhere"),
-        (ShipCollisionVectorEnv, {"autoreset_mode": "never"}, "must be one of NextStep, SameStep, Disabled"),
+        (
+            ShipCollisionVectorEnv,
+            {"autoreset_mode": "never"},
+            "autoreset_mode: must be 'NextStep', 'SameStep' or",
+        ),
     ],
 )
 def test_bad_input_is_refused(make: Callable[..., Any], options: dict[str, Any], message: str) -> None:

@@ -110,10 +110,15 @@ def measure_episodes(
     scores = score_rules(states, last, world, head_on)
     is_goal = torch.tensor([one.goal for one in episodes])
     path, time = route_ratios(states, last, world)
-    ship = main_ship(states, last, scores.onset)
     classes, dcpa, tcpa = torch.full_like(last, Encounter.NONE), *torch.full((2, len(last)), math.nan)
-    if ship is not None:
-        motion, manoeuvre = relative_motion(states), scores.manoeuvre
+    if scores.onset.shape[1]:
+        motion, onset, manoeuvre = relative_motion(states), scores.onset, scores.manoeuvre
+        # The ship of the first encounter, of several the nearest at the onset; without an encounter the one
+        # that comes nearest. An episode has far fewer steps than 1e5, and its ships are nearer than 1e6 m.
+        passed = closest_pass(states, torch.zeros_like(onset), last[:, None])[1]
+        rank = torch.where(onset < 0, passed, at(motion.distance, onset.clamp(min=0)))
+        order = torch.where(onset < 0, 1e12, onset * 1e7) + rank.nan_to_num(posinf=1e6).clamp(max=1e6)
+        ship = order.argmin(1, keepdim=True)
         predicted = (at(part, manoeuvre.clamp(min=0)) for part in (motion.dcpa, motion.tcpa))
         dcpa, tcpa = (one.masked_fill(manoeuvre < 0, math.nan).gather(1, ship)[:, 0] for one in predicted)
         classes = scores.encounter.gather(1, ship)[:, 0]
@@ -155,23 +160,6 @@ def route_ratios(states: Tensor, last: Tensor, world: World) -> tuple[Tensor, Te
     root = (half.square() - square * (start.square().sum(-1) - world.goal_distance**2)).clamp(min=0.0).sqrt()
     way -= (1 - ((-half - root) / square).clamp(0.0, 1.0)) * moved[rows, final]
     return way / straight, last * world.dt * world.actions[world.straight_action][0] / straight
-
-
-def main_ship(states: Tensor, last: Tensor, onset: Tensor) -> Tensor | None:
-    """Return the place of each episode's first encounter, int64 [N, 1], of several the nearest at the onset.
-
-    Without an encounter it is the ship that comes nearest. None if no episode has a place for ships.
-    Shapes: states [N, T + 1, S]; last int64 [N]; onset int64 [N, K], -1 without one.
-    """
-    if not onset.shape[1]:
-        return None
-    distance = at(relative_motion(states).distance, onset.clamp(min=0))
-    nearest = closest_pass(states, torch.zeros_like(onset), last[:, None])[1]
-    never = onset < 0
-    rank = torch.where(never, nearest, distance)
-    # An episode has far fewer steps, and its ships are nearer.
-    order = torch.where(never, 1e12, onset * 1e7) + rank.nan_to_num(posinf=1e6).clamp(max=1e6)
-    return order.argmin(1, keepdim=True)
 
 
 class Scores(NamedTuple):

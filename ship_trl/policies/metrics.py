@@ -208,9 +208,19 @@ def score_rules(states: Tensor, last: Tensor, world: World, head_on: float = HEA
     heading, speed = (states[..., column, None].expand_as(motion.distance) for column in (HEADING, SPEED))
     turns = -torch.rad2deg(wrap_angle(heading - at(heading, onset)[:, None]))
     changes = (speed / at(speed, onset).clamp(min=1e-6)[:, None] - 1).abs()
-    manoeuvre = _manoeuvre(turns, speed, changes, onset, last, cpa, world)
-    manoeuvre = manoeuvre.masked_fill(~has_onset, -1)
-    reaction = round(REACTION / world.dt)
+
+    # A change begins where course and speed were last held; the largest that counts is the manoeuvre.
+    hold, reaction = (round(seconds / world.dt) for seconds in (HOLD, REACTION))
+    before = torch.maximum(time - hold, onset[:, None])
+    swung = (turns - turns.gather(1, before)).abs()
+    sped = (speed / speed.gather(1, before).clamp(min=1e-6) - 1).abs()
+    is_held = (swung <= TURN[0]) & (sped < SPEED_CHANGE[1])
+    begin = torch.where(is_held, time, 0).cummax(1).values
+    until = torch.minimum(torch.maximum(cpa[:, None], begin + reaction), last[:, None])
+    counts = ~is_held & (begin >= onset[:, None]) & (begin <= cpa[:, None]) & (time <= until)
+    size = turns.abs().clamp(max=TURN[1]) + ramp(changes, SPEED_CHANGE)
+    manoeuvre = at(begin, (size * counts).argmax(1)).masked_fill(~(counts.any(1) & has_onset), -1)
+
     end = torch.where(manoeuvre < 0, cpa, torch.maximum(cpa, manoeuvre + reaction))
     during = (time >= onset[:, None]) & (time <= torch.minimum(end, last)[:, None])
     turned = ramp((turns.abs() * during).amax(1), TURN)
@@ -299,40 +309,6 @@ def first(flags: Tensor) -> Tensor:
 def at(values: Tensor, time: Tensor) -> Tensor:
     """Return values [N, T, K] at times int64 [N, K]."""
     return values.gather(1, time[:, None])[:, 0]
-
-
-def _manoeuvre(
-    turns: Tensor,
-    speed: Tensor,
-    changes: Tensor,
-    onset: Tensor,
-    last: Tensor,
-    cpa: Tensor,
-    world: World,
-) -> Tensor:
-    """Return the step at which the manoeuvre is chosen, int64 [N, K]; -1 without one.
-
-    Args:
-        turns: changes of course since the onset, in degrees [N, T, K].
-        speed: own ship's, in m/s, likewise.
-        changes: of speed since the onset, as shares, likewise.
-        onset: step of the onset, int64 [N, K].
-        last: step of the last state, int64 [N, 1].
-        cpa: step of the closest approach, int64 [N, K].
-        world: length of a step.
-    """
-    time = torch.arange(turns.shape[1])[:, None]
-    hold, reaction = (round(seconds / world.dt) for seconds in (HOLD, REACTION))
-    before = torch.maximum(time - hold, onset[:, None])
-    turned = (turns - turns.gather(1, before)).abs()
-    sped = (speed / speed.gather(1, before).clamp(min=1e-6) - 1).abs()
-    is_held = (turned <= TURN[0]) & (sped < SPEED_CHANGE[1])
-    begin = torch.where(is_held, time, 0).cummax(1).values
-    end = torch.maximum(cpa[:, None], begin + reaction)
-    counts = ~is_held & (begin >= onset[:, None]) & (begin <= cpa[:, None])
-    counts &= time <= torch.minimum(end, last[:, None])
-    size = turns.abs().clamp(max=TURN[1]) + ramp(changes, SPEED_CHANGE)
-    return at(begin, (size * counts).argmax(1)).masked_fill(~counts.any(1), -1)
 
 
 def _stand_on_penalty(

@@ -60,8 +60,11 @@ def write_demonstration(
     """
     folder.mkdir(parents=True, exist_ok=True)
     found = Demonstration(case.name, case.fingerprint, digest(world), list(actions), *ended, by)
-    paths = (folder / f"{case.name}-{number:03d}.json" for number in itertools.count(1))
-    path = next(path for path in paths if _create(path))
+    for number in itertools.count(1):
+        path = folder / f"{case.name}-{number:03d}.json"
+        with suppress(FileExistsError):
+            path.touch(exist_ok=False)  # another process takes the next number
+            break
     try:
         with atomic_write(path) as draft:
             draft.write_text(json.dumps(asdict(found)) + "\n")
@@ -69,13 +72,6 @@ def write_demonstration(
         path.unlink()
         raise
     return path
-
-
-def _create(path: Path) -> bool:
-    """Create an empty file, so that another process takes the next number; return False if it is there."""
-    with suppress(FileExistsError), path.open("x"):
-        return True
-    return False
 
 
 def read_demonstrations(folder: Path, case: Case, world: World) -> list[Demonstration]:

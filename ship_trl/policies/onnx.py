@@ -16,7 +16,6 @@ from torch import Tensor, nn
 from ship_trl import __version__
 from ship_trl.config.errors import ConfigError
 from ship_trl.config.network import describe_network
-from ship_trl.config.types import Network
 from ship_trl.fast.worlds import make_env
 from ship_trl.files.disk import atomic_write
 from ship_trl.learn.network import DuelingNetwork
@@ -45,7 +44,20 @@ def export(entry: Entry, path: Path) -> str:
     # The exporter would treat a batch size of one as constant.
     observation = env.observer(network.config, network.colour)(env.reset()["state"].expand(2, -1))
     program = trace(network, observation)
-    program.model.metadata_props.update(metadata_of(entry, network.config))
+    # The case, the actions, the layers, and the run that trained the weights.
+    about = {
+        "case": entry.suite.case.name,
+        "policy": entry.label,
+        "actions": json.dumps(entry.world.actions),
+        "actions_unit": "m/s, rad/s",
+        "ship_trl": __version__,
+    }
+    if Path(entry.policy).is_file():
+        with open_safetensors(Path(entry.policy), "policy") as file:
+            trained = json.loads((file.metadata() or {}).get("ship_trl", "{}"))
+        about |= {key: str(trained[key]) for key in ("config_hash", "episode") if key in trained}
+    about["network"] = json.dumps(describe_network(network.config))
+    program.model.metadata_props.update(about)
     kind, size = str(observation.dtype).removeprefix("torch."), ", ".join(map(str, observation.shape[1:]))
     actions = len(entry.world.actions)
     shapes = f"{network.observes} {kind} [batch, {size}] -> {OUTPUT} float32 [batch, {actions}]"
@@ -83,22 +95,6 @@ def trace(network: DuelingNetwork, observation: Tensor) -> Any:
             output_names=[OUTPUT],
             dynamic_shapes={"observed": {0: torch.export.Dim("batch")}},
         )
-
-
-def metadata_of(entry: Entry, network: Network) -> dict[str, str]:
-    """Return the model's metadata: case, policy, actions, layers, and the run that trained its weights."""
-    found = {
-        "case": entry.suite.case.name,
-        "policy": entry.label,
-        "actions": json.dumps(entry.world.actions),
-        "actions_unit": "m/s, rad/s",
-        "ship_trl": __version__,
-    }
-    if Path(entry.policy).is_file():
-        with open_safetensors(Path(entry.policy), "policy") as file:
-            about = json.loads((file.metadata() or {}).get("ship_trl", "{}"))
-        found |= {key: str(about[key]) for key in ("config_hash", "episode") if key in about}
-    return found | {"network": json.dumps(describe_network(network))}
 
 
 def onnx_policy(path: Path, env: ShipEnv, network: DuelingNetwork) -> Policy:

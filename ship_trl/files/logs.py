@@ -146,10 +146,12 @@ def read_workers(paths: Sequence[Path], key: str) -> Numbers:
     parts, starts = [np.empty((0, 3))], []
     for path in paths:
         comment, cells = read_cells(path, key)
-        part, start = to_numbers(path, cells, (*MONITOR, SECONDS), key), 0.0
+        part = to_numbers(path, cells, (*MONITOR, SECONDS), key)
+        if len(paths) == 1:
+            # A run that was continued counts its seconds anew.
+            return sum_lengths(part)
         try:
-            if len(paths) > 1:
-                start = float(json.loads(comment[1:])["t_start"])
+            start = float(json.loads(comment[1:])["t_start"])
             if (np.diff(part[:, 2]) < 0).any():
                 raise ValueError
         except (KeyError, TypeError, ValueError):

@@ -248,7 +248,9 @@ def test_workers_are_a_whole_run_or_refused() -> None:
     write_monitor(Path("run/1.monitor.csv"), [*rows, (3.0, 10, 0.5)])
     assert "run/1.monitor.csv: allowed: workers with a t_start" in told(*both)
     Path("run/1.monitor.csv").unlink()
-    assert read("run/0.monitor.csv") == [([10, 20], [1, 2])]
+    # The seconds of a run that was continued begin anew.
+    write_monitor(Path("run/0.monitor.csv"), [*rows, (3.0, 10, 0.5)])
+    assert read("run/0.monitor.csv") == [([10, 20, 30], [1, 2, 3])]
     # Other names are runs of their own.
     for name in ("a", "b"):
         write_monitor(Path(f"other/{name}.monitor.csv"), rows)

@@ -9,6 +9,7 @@ from __future__ import annotations
 import dataclasses
 import importlib
 import importlib.util
+import sys
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -83,8 +84,10 @@ def read_algorithm(values: dict[str, Any], learn: Learn) -> dict[str, Any]:
     if where.endswith(".py"):
         is_there = Path(where).is_file()
     else:
-        package = where.split(".")[0]
-        is_there = package.isidentifier() and importlib.util.find_spec(package) is not None
+        parts = where.split(".")
+        is_name = all(map(str.isidentifier, parts))
+        # A script that runs has no spec to find.
+        is_there = is_name and (parts[0] in sys.modules or importlib.util.find_spec(parts[0]) is not None)
     allowed = "module:function or file.py:function, of a module or file that exists"
     require(function.isidentifier() and is_there, "algorithm.build", allowed, build)
     if (kind := reads_of(values).settings) is None:

@@ -49,6 +49,7 @@ WRONG_VALUES = {
     "learn.replay_size=8": "learn.batch_size: must be at most learn.replay_size=8",
     "margin.penalty=30": "margin.distance: must be above world.safe_distance=45 with margin.penalty=30, got",
     "algorithm.build=sarsa": "algorithm.build: must be module:function or file.py:function, of a module or",
+    "algorithm.build=ship_trl..x:build": "algorithm.build: must be module:function or file.py:function, of a",
     "algorithm.build='none.py:build'": "algorithm.build: must be module:function or file.py:function, of a",
     "+algorithm.steps=3": "algorithm.steps: unknown key; allowed here: none",
     "algorithm=n_step +algorithm.epochs=3": "algorithm.epochs: unknown key; allowed here: steps",

@@ -20,6 +20,7 @@ from omegaconf.errors import OmegaConfBaseException
 
 from ship_trl.config.checks import to_config
 from ship_trl.config.errors import ConfigError, print_error
+from ship_trl.config.paths import conf_dir
 from ship_trl.config.types import Objective
 from ship_trl.files.curve import RunError
 from ship_trl.files.record import RunRecord
@@ -82,7 +83,9 @@ def check(config: DictConfig) -> None:
             every = list(runs.values())
             differ = every[0].union(*every) - every[0].intersection(*every)
             keys = sorted({word.split("=")[0].lstrip("+") for word in differ})
-            how = f"'output=outputs/{'-'.join(f'${{{key}}}' for key in keys)}', or a grid for each value"
+            how = "a grid for each value, with its own output=FOLDER"
+            if not any((conf_dir() / key).is_dir() for key in keys):  # a group has no name in a folder's name
+                how = f"'output=outputs/{'-'.join(f'${{{key}}}' for key in keys)}', or {how}"
             raise ConfigError(
                 f"output: runs that differ in {' and '.join(keys)} would share {folder}; allowed: {how}"
             )

@@ -23,6 +23,10 @@ SCRATCH = ("-m", *SMOKE, "target=1", "method=scratch")
             ["learn.lr=0.001,0.002", "learn.tau=0.1,0.2"],
             "/1/scratch/seed=0; allowed: 'output=outputs/${learn.lr}-${learn.tau}', or a grid for each value",
         ),
+        (
+            ["network=paper,five"],
+            "/1/scratch/seed=0; allowed: a grid for each value, with its own output",
+        ),
         (["seed=1,2", "seed=3"], "seed: given twice; allowed: once in a grid"),
         (["learn.lr=0.1", "++learn.lr=0.2"], "learn.lr: given twice; allowed: once in a grid"),
     ],

@@ -7,7 +7,8 @@ from __future__ import annotations
 
 import copy
 import re
-from collections.abc import Iterable
+from collections.abc import Iterable, Iterator
+from contextlib import contextmanager
 from typing import Any
 
 from hydra import compose, initialize_config_dir
@@ -15,7 +16,7 @@ from hydra._internal import hydra as hydra_parts
 from hydra._internal.config_loader_impl import ConfigLoaderImpl
 from hydra.core.global_hydra import GlobalHydra
 from hydra.errors import HydraException, OverrideParseException
-from omegaconf import DictConfig
+from omegaconf import DictConfig, _utils
 from omegaconf.errors import OmegaConfBaseException
 
 from ship_trl.config.arm import Arm, arm_names
@@ -24,6 +25,7 @@ from ship_trl.config.errors import ConfigError, missing_extra
 from ship_trl.config.paths import conf_dir, group_names
 from ship_trl.config.schema import keys_at
 from ship_trl.config.types import Config
+from ship_trl.files.untrusted import LOADER
 from ship_trl.sim.cases import profile_of
 
 # That of conf/config.yaml.
@@ -59,10 +61,11 @@ class Loader(ConfigLoaderImpl):
         composed: dict[tuple[str, ...], DictConfig] = vars(self).setdefault("composed", {})
         if (known := composed.get(tuple(words))) is not None:
             return copy.deepcopy(known)
-        values = super().load_configuration(config_name, words, *flags, **options)
-        if profile := missing_profile(values, words):
-            given = [*words, f"profile={profile}"]
-            values = super().load_configuration(config_name, given, *flags, **options)
+        with decimal_numbers():
+            values = super().load_configuration(config_name, words, *flags, **options)
+            if profile := missing_profile(values, words):
+                given = [*words, f"profile={profile}"]
+                values = super().load_configuration(config_name, given, *flags, **options)
         if not any("," in word or "(" in word for word in words):
             composed[tuple(words)] = copy.deepcopy(values)
         return values
@@ -114,6 +117,17 @@ def expand_arms(words: Iterable[str]) -> list[str]:
     keys = {word.partition("=")[0].lstrip("+") for word in found}
     settings = [(key, "null" if value is None else value) for key, value in given.items() if key not in keys]
     return [*(f"{key}={value}" for key, value in settings), *found]
+
+
+@contextmanager
+def decimal_numbers() -> Iterator[None]:
+    """Let OmegaConf read YAML as `read_yaml` does."""
+    before = _utils.get_yaml_loader
+    _utils.get_yaml_loader = lambda: LOADER
+    try:
+        yield
+    finally:
+        _utils.get_yaml_loader = before
 
 
 def missing_profile(values: DictConfig, words: list[str]) -> str:

@@ -12,7 +12,7 @@ from ship_trl.config.paths import conf_dir
 from ship_trl.grid.compose import Loader, read_word
 from tests.command import ship_trl
 
-TRAFFIC = "# @package _global_\ntarget: traffic\nmethod: scratch\noutput: 2024_05_01\n"
+TRAFFIC = "# @package _global_\ntarget: traffic\nmethod: scratch\noutput: 2024_05_01\nseed: 010\n"
 PROFILE = """\
 # @package _global_
 defaults: [override /recipe: double_dqn_quick]

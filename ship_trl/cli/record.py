@@ -85,9 +85,7 @@ def check_mp4(size: tuple[int, int]) -> None:
 
 def record_film(entries: list[Entry], options: Namespace) -> None:
     """Write the film of one entry after the other, or of the first two side by side."""
-    from rich.progress import track
-
-    from ship_trl.run.console import stderr
+    from ship_trl.run.console import show_share
     from ship_trl.view.dashboard import Look
     from ship_trl.view.episode import view_entry
     from ship_trl.view.film import draw_film, write_film
@@ -100,11 +98,13 @@ def record_film(entries: list[Entry], options: Namespace) -> None:
     look = Look(saliency=options.saliency)
 
     def frames() -> Iterator[Surface]:
-        for act in track(acts, "episodes", console=stderr, disable=not stderr.is_terminal):
-            views = [view_entry(entry, options.seed) for entry in act]
-            if options.saliency and any(view.sees_numbers for view in views):
-                raise ConfigError("--saliency: allowed for networks that see pixels")
-            yield from draw_film(views, look, options.size, options.fps, options.speed)
+        with show_share("episodes") as show:
+            for done, act in enumerate(acts):
+                show(done / len(acts))
+                views = [view_entry(entry, options.seed) for entry in act]
+                if options.saliency and any(view.sees_numbers for view in views):
+                    raise ConfigError("--saliency: allowed for networks that see pixels")
+                yield from draw_film(views, look, options.size, options.fps, options.speed)
 
     write_film(options.output, frames(), options.fps)
     sys.stdout.write(f"{options.output}\n")

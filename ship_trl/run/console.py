@@ -39,6 +39,8 @@ TRANSFER = "transfer.png"
 SINGLE_INTERVAL, GRID_INTERVAL = 0.05, 0.25
 # Seconds whose pace an estimate of the time left is of, and characters of a line in a file at most.
 PACE_SECONDS, MAX_WIDTH = 600.0, 1_000_000
+# Least seconds between two lines of `show_share`.
+LINE_SECONDS = 5.0
 # Blank characters between two columns of a table.
 GAP = 2
 # Seconds until the first message that this process waits for another one, and between further messages.
@@ -81,8 +83,8 @@ def progress(
                 bar.update(task, greedy=greedy)
             else:
                 episode, now = row["episode"], f"{row['return']:.1f}"
-                if "loss" in row:
-                    bar.start_task(task)
+                if "loss" in row and not bar.tasks[0].started:
+                    bar.reset(task, completed=bar.tasks[0].completed)
                 bar.update(task, completed=episode, now=now)
                 if plain and lines.due(episode / episodes):
                     left = time_left(bar)
@@ -207,11 +209,18 @@ def time_left(bar: Progress) -> str:
 
 @contextmanager
 def show_share(label: str) -> Iterator[Show]:
-    """Yield a function that shows the share of the work that is done, as a bar in a terminal."""
+    """Yield a function that shows the share of the work that is done: a bar in a terminal, else lines."""
+    lines, is_plain = Lines(SINGLE_INTERVAL, apart=LINE_SECONDS), not stderr.is_terminal
     columns = TextColumn(label), BarColumn(bar_width=20), TaskProgressColumn(), TimeRemainingColumn()
-    with Progress(*columns, console=stderr, disable=not stderr.is_terminal) as bar:
+    with Progress(*columns, console=stderr, disable=is_plain) as bar:
         task = bar.add_task(label, total=1.0)
-        yield lambda share: bar.update(task, completed=share)
+
+        def show(share: float) -> None:
+            bar.update(task, completed=share)
+            if is_plain and lines.due(share):
+                stderr.print(f"{label}: {share:.0%} done{time_left(bar)}", highlight=False)
+
+        yield show
 
 
 def show(

@@ -84,6 +84,21 @@ def test_a_study_without_a_terminal_prints_lines(
     assert second.startswith(f"0 of {len(jobs)} runs done, {0.5 / len(jobs):.0%} of all")
 
 
+def test_long_work_without_a_terminal_prints_lines(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.setattr(console, "LINE_SECONDS", 0.0)
+    with console.show_share("episodes") as show_done:
+        for share in (0.0, 0.01, 0.5):
+            show_done(share)
+    printed = capsys.readouterr()
+    lines = [line.split(",")[0] for line in printed.err.splitlines()]
+    assert lines == ["episodes: 0% done", "episodes: 50% done"] and printed.out == ""
+    with console.show_share("episodes") as show_done:
+        show_done(0.0)
+    assert len(capsys.readouterr().err.splitlines()) == 1
+
+
 WORDS = st.text(st.characters(codec="ascii", categories=("L", "N", "P")), min_size=1, max_size=12)
 CELLS = st.lists(WORDS, min_size=1, max_size=4).map(" ".join)
 

@@ -94,6 +94,9 @@ def find_source(source: Run, title: str, place: str) -> StoredNetwork:
     with console.hold(base.lock(*wanted), source.title):
         if (entry := base.find(*wanted)) is not None:
             console.say(f"source: {entry.policy} (greedy return {entry.best_return:.1f})")
+            # The process that trained it may have been killed before this step.
+            if find_result(source) is not None:
+                shutil.rmtree(source.folder / CHECKPOINTS, ignore_errors=True)
             return entry
         # Another process may train it at the same time, as a run of its own.
         with console.hold(source.lock(), source.title):
@@ -105,16 +108,18 @@ def find_source(source: Run, title: str, place: str) -> StoredNetwork:
 
 
 def conclude(run: Run, result: RunRecord) -> StoredNetwork:
-    """Delete the checkpoints of a finished run, and store its network for later targets (section 4.2).
+    """Store a finished run's network for later targets (section 4.2), and delete its checkpoints.
 
     Whoever finds a run finished calls this too: the process that trained it may have been killed before.
     """
-    shutil.rmtree(run.folder / CHECKPOINTS, ignore_errors=True)
     values, config = result.to_json(), run.config
     scores = {key: values[key] for key in ("best", "final", "best_known_return")}
     named = run.target, run.entry_arm, config.seed, run.config_hash
     network = non_default_network(config.network)
-    return CaseBase(Path(config.case_base)).retain(*named, scores, run.folder, network)
+    entry = CaseBase(Path(config.case_base)).retain(*named, scores, run.folder, network)
+    # Last: while they exist, a study counts the run as unfinished.
+    shutil.rmtree(run.folder / CHECKPOINTS, ignore_errors=True)
+    return entry
 
 
 def train_run(run: Run, source: Source | None, place: str = "") -> RunRecord:

@@ -11,8 +11,8 @@ from PIL import Image
 from ship_trl.files.curve import read_curve, split
 from ship_trl.files.record import RunRecord
 from ship_trl.run import experiment
-from ship_trl.run.experiment import find_source, run_experiment, scratch_returns
-from ship_trl.run.plan import Run, TakenError, find_result, make_run
+from ship_trl.run.experiment import conclude, find_source, run_experiment, scratch_returns
+from ship_trl.run.plan import CHECKPOINTS, Run, TakenError, find_result, make_run
 from tests.a_result import a_result
 from tests.command import SMOKE, ship_trl
 from tests.config.test_config import composed
@@ -91,6 +91,15 @@ def test_the_shipped_settings_have_five_seeds() -> None:
 @pytest.mark.parametrize("change", ["learn.gamma=0.9", "world.safe_distance=50"])
 def test_other_settings_have_none(change: str) -> None:
     assert scratch_returns(planned("+pair=high", "+arm=FT3", change)) is None
+
+
+def test_checkpoints_are_kept_until_the_network_is_stored(monkeypatch: pytest.MonkeyPatch) -> None:
+    run = planned("target=1", "method=scratch", "output=runs", "case_base=base")
+    (run.folder / CHECKPOINTS).mkdir(parents=True)
+    # Its folder has no network, as on a full disk.
+    with pytest.raises(OSError, match="policy"):
+        conclude(run, a_result())
+    assert (run.folder / CHECKPOINTS).is_dir()
 
 
 @pytest.mark.long

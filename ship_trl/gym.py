@@ -130,7 +130,7 @@ class ShipCollisionVectorEnv(gymnasium.vector.VectorEnv[Observations, NDArray[np
         self._shape = (scene.SIZE, scene.SIZE, rasteriser.channels)
         self.single_observation_space: spaces.Box = spaces.Box(0, 255, self._shape, np.uint8)
         if kind is Observation.vector:
-            self._encode = VectorObservation(self.world, load_network("vector").ships)
+            self._encode = VectorObservation.of(load_network("vector"), self.world)
             size = self._encode(self._starts.states[0]).numel()
             self.single_observation_space = spaces.Box(-np.inf, np.inf, (size,), np.float32)
         self.single_action_space = spaces.Discrete(len(self.world.actions))

@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
+from dataclasses import fields
 from typing import Any, NamedTuple
 
 from omegaconf import OmegaConf
 
-from ship_trl.config.bounds import OWN_NUMBERS, PICTURE, SHIP_NUMBERS
+from ship_trl.config.bounds import PICTURE, SHIP_NUMBERS
 from ship_trl.config.errors import require
 from ship_trl.config.paths import conf_dir
 from ship_trl.config.schema import read_as
@@ -14,6 +15,8 @@ from ship_trl.config.types import Network, plain
 
 # Pixels that the incremental backend compares at once.
 WORD = 4
+# Keys of a network with conv layers; all others are of one with `linear` layers.
+CONV_KEYS = "conv", "hidden", "vector_time"
 
 
 class ConvLayer(NamedTuple):
@@ -50,9 +53,10 @@ def geometry(network: Network) -> Geometry:
         ConfigError: a kernel is larger than its map, or the last one does not cover its map; or no network
             has these keys: conv layers and a hidden one, or linear layers alone.
     """
-    given, own, others = "without network.linear", ["conv", "hidden"], ["ships", "per_ship"]
+    given, own = "without network.linear", ["conv", "hidden"]
+    others = [one.name for one in fields(Network) if one.name not in (*CONV_KEYS, "linear")]
     if network.linear:
-        given, own, others = "with network.linear", ["ships"], ["conv", "hidden", "vector_time"]
+        given, own, others = "with network.linear", ["ships"], list(CONV_KEYS)
         allowed = f"less than the {len(network.linear)} layers of network.linear"
         require(network.per_ship < len(network.linear), "network.per_ship", allowed, network.per_ship)
     for key in (*own, *others):
@@ -77,11 +81,11 @@ def linear_sizes(network: Network) -> list[tuple[int, int]]:
     A layer for one ship takes own ship's numbers and this ship's. The first layer after those takes sums and
     maxima over the ships, and own ship's numbers again.
     """
-    below = OWN_NUMBERS + SHIP_NUMBERS if network.per_ship else network.inputs
+    below = network.own_numbers + SHIP_NUMBERS if network.per_ship else network.inputs
     sizes = []
     for n, width in enumerate(network.linear, 1):
         sizes.append((below, width))
-        below = OWN_NUMBERS + 2 * width if n == network.per_ship else width
+        below = network.own_numbers + 2 * width if n == network.per_ship else width
     return sizes
 
 

@@ -174,9 +174,14 @@ class Network:
     vector_time: bounds.Seconds = 0.0
 
     @property
+    def own_numbers(self) -> int:
+        """How many numbers of own ship a vector has."""
+        return bounds.OWN_NUMBERS
+
+    @property
     def inputs(self) -> int:
         """How many numbers a vector has."""
-        return bounds.OWN_NUMBERS + bounds.SHIP_NUMBERS * self.ships
+        return self.own_numbers + bounds.SHIP_NUMBERS * self.ships
 
     @property
     def depth(self) -> int:

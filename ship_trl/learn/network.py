@@ -9,7 +9,7 @@ import torch
 import torch.nn.functional as F
 from torch import Generator, Tensor, nn
 
-from ship_trl.config.bounds import OWN_NUMBERS, SHIP_NUMBERS
+from ship_trl.config.bounds import SHIP_NUMBERS
 from ship_trl.config.network import (
     Geometry,
     geometry,
@@ -334,7 +334,7 @@ class VectorNetwork(DuelingNetwork):
         if not self.config.per_ship:
             return observation
         own, ships = self._split_ships(observation)
-        return torch.cat((own[..., None, :].expand(*ships.shape[:-1], OWN_NUMBERS), ships), -1)
+        return torch.cat((own[..., None, :].expand(*ships.shape[:-1], own.shape[-1]), ships), -1)
 
     def _next_input(self, n: int, x: Tensor, observation: Tensor) -> Tensor:
         """Return what the layer after the `n`-th takes, whose activations are `x`."""
@@ -346,9 +346,10 @@ class VectorNetwork(DuelingNetwork):
         return torch.cat((own.to(x.dtype), x.sum(-2), x.amax(-2)), -1)
 
     def _split_ships(self, observation: Tensor) -> tuple[Tensor, Tensor]:
-        """Return own ship's numbers [..., OWN_NUMBERS] and those of target ships [..., K, SHIP_NUMBERS]."""
-        ships = observation[..., OWN_NUMBERS:].unflatten(-1, (self.config.ships, SHIP_NUMBERS))
-        return observation[..., :OWN_NUMBERS], ships
+        """Return own ship's numbers [..., O] and those of target ships [..., K, SHIP_NUMBERS]."""
+        own = self.config.own_numbers
+        ships = observation[..., own:].unflatten(-1, (self.config.ships, SHIP_NUMBERS))
+        return observation[..., :own], ships
 
 
 def make_network(

@@ -18,7 +18,7 @@ from torch import Tensor
 from ship_trl.config.types import World
 from ship_trl.fast.jit import RELAXED, Loop, compiled
 from ship_trl.sim import encounter, starts
-from ship_trl.sim.cases import GIVES_WAY, GIVING_WAY, HOLDS_COURSE
+from ship_trl.sim.cases import GIVES_WAY, GIVING_WAY
 from ship_trl.sim.reward import MAX_SHIP_DISTANCE, POSITION_TOLERANCE, TERMS, PaidStep
 from ship_trl.sim.state import (
     GOAL_X,
@@ -168,7 +168,7 @@ def step(
                 break
             ship = OWN_SIZE + SHIP_SIZE * k
             ship_x, ship_y, course = row[ship + SHIP_X], row[ship + SHIP_Y], row[ship + SHIP_HEADING]
-            if row[ship + SHIP_BEHAVIOUR] != HOLDS_COURSE:
+            if row[ship + SHIP_BEHAVIOUR] in (GIVES_WAY, GIVING_WAY):
                 course, moved[ship + SHIP_BEHAVIOUR] = give_way(row, ship, tcpa, dcpa, rule_turn)
                 moved[ship + SHIP_HEADING] = course
             ship_way = row[ship + SHIP_SPEED] * dt

@@ -195,6 +195,12 @@ class Suite:
         return count * math.ceil(episodes / count)
 
 
+def behaviour_of(number: float) -> Behaviour:
+    """Return the behaviour of a ship with this number in a state; one that is giving way gives way."""
+    begins_as = GIVES_WAY if number == GIVING_WAY else number
+    return next(word for word, begin in BEHAVIOURS.items() if begin == begins_as)
+
+
 def suite_of(case: Case, perturbation: Perturbation = UNPERTURBED) -> Suite:
     """Return the suite of one case."""
     return Suite(case.name, (case,), perturbation)

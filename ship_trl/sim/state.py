@@ -14,7 +14,7 @@ import torch
 from torch import Tensor
 
 from ship_trl.config.types import World
-from ship_trl.sim.cases import BEHAVIOURS, HOLDS_COURSE, Behaviour, Case, Suite, TargetShip
+from ship_trl.sim.cases import BEHAVIOURS, Case, Suite, TargetShip, behaviour_of
 from ship_trl.sim.geometry import angle_off_bow
 
 X, Y, HEADING, SPEED, YAW_RATE, GOAL_X, GOAL_Y, STEP, SHIP_COUNT = range(9)
@@ -69,8 +69,7 @@ def first_case(suite: Suite, state: Tensor) -> Case:
     x, y, heading, _, _, goal_x, goal_y, *_ = state.tolist()
     ships = []
     for east, north, course, speed, behaviour in target_ships(state)[: int(state[SHIP_COUNT])].tolist():
-        kind = Behaviour.holds if behaviour == HOLDS_COURSE else Behaviour.gives_way
-        ships.append(TargetShip(east, north, math.degrees(course), speed, kind))
+        ships.append(TargetShip(east, north, math.degrees(course), speed, behaviour_of(behaviour)))
     return Case([x, y], math.degrees(heading), [goal_x, goal_y], "drawn", ships, suite.name)
 
 

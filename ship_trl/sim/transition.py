@@ -10,7 +10,7 @@ import torch
 from torch import Tensor
 
 from ship_trl.config.types import GiveWay, World
-from ship_trl.sim.cases import GIVES_WAY, GIVING_WAY, HOLDS_COURSE
+from ship_trl.sim.cases import GIVES_WAY, GIVING_WAY
 from ship_trl.sim.encounter import must_give_way, relative_motion
 from ship_trl.sim.geometry import closest_approach, unit_vector
 from ship_trl.sim.reward import (
@@ -87,7 +87,7 @@ def give_way(state: Tensor, rule: GiveWay, dt: float) -> Tensor:
     Until the ships have passed, it turns in each step that begins with so small a DCPA.
     """
     behaviour = target_ships(state)[..., SHIP_BEHAVIOUR]
-    reacts = behaviour != HOLDS_COURSE
+    reacts = (behaviour == GIVES_WAY) | (behaviour == GIVING_WAY)
     # Without a ship that reacts nothing changes. On a GPU the check would wait for all earlier operations.
     if state.device.type == "cpu" and not bool(reacts.any()):
         return state

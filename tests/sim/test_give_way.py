@@ -9,11 +9,15 @@ from torch import Tensor
 
 from ship_trl.fast.worlds import make_step
 from ship_trl.sim.cases import (
+    BEHAVIOURS,
     GIVES_WAY,
+    GIVING_WAY,
     HOLDS_COURSE,
     Behaviour,
+    Suite,
     TargetShip,
     load_case,
+    load_suite,
     load_world,
 )
 from ship_trl.sim.encounter import must_give_way, relative_motion
@@ -24,6 +28,7 @@ from ship_trl.sim.state import (
     SHIP_COUNT,
     SHIP_HEADING,
     SPEED,
+    first_case,
     initial_state,
     is_present,
     target_ships,
@@ -85,10 +90,28 @@ def test_a_ship_that_must_give_way_passes_at_more_than_the_safe_distance(name: s
 @pytest.mark.parametrize("fast", [False, True])
 @pytest.mark.parametrize("ship", [*STAND_ON.values(), NO_RISK["far"]])
 def test_a_ship_that_stands_on_or_passes_clear_holds_its_course(ship: Ship, fast: bool) -> None:
-    reacting, holding = (passing(scene(ship, behaviour=one), fast) for one in Behaviour.__members__.values())
+    both = Behaviour.gives_way, Behaviour.holds
+    reacting, holding = (passing(scene(ship, behaviour=one), fast) for one in both)
     assert reacting[0] == holding[0]
     assert torch.equal(reacting[1][:-1], holding[1][:-1])
     assert float(reacting[1][OWN_SIZE + SHIP_BEHAVIOUR]) in (GIVES_WAY, HOLDS_COURSE)
+
+
+@pytest.mark.parametrize("behaviour", Behaviour)
+def test_a_state_keeps_a_ships_behaviour(behaviour: Behaviour) -> None:
+    state = scene(*NO_RISK.values(), behaviour=behaviour)
+    drawn = Suite("drawn", (), traffic=load_suite("traffic", WORLD).traffic)
+    assert [ship.behaviour for ship in first_case(drawn, state).target_ships] == [behaviour] * 2
+    target_ships(state)[..., SHIP_BEHAVIOUR] = GIVING_WAY
+    assert first_case(drawn, state).target_ships[0].behaviour is Behaviour.gives_way
+
+
+@pytest.mark.parametrize("fast", [False, True])
+def test_a_ship_of_another_behaviour_does_not_give_way(fast: bool) -> None:
+    state = scene(GIVE_WAY["crossing"])
+    target_ships(state)[..., SHIP_BEHAVIOUR] = max(GIVING_WAY, *BEHAVIOURS.values()) + 1.0
+    last = passing(state, fast, steps=5)[1]
+    assert torch.equal(target_ships(last)[..., 2:], target_ships(state)[..., 2:])
 
 
 def random_states(count: int, seed: int) -> Tensor:
@@ -100,7 +123,7 @@ def random_states(count: int, seed: int) -> Tensor:
     targets = target_ships(state)
     targets[..., :2] = 600 * uniform(count, 3, 2) - 300
     targets[..., 2], targets[..., 3] = 2 * math.pi * uniform(count, 3), 20 * uniform(count, 3)
-    targets[..., 4] = torch.randint(3, (count, 3), generator=generator)
+    targets[..., 4] = torch.randint(3, (count, 3), generator=generator)  # holds, gives way, is giving way
     state[count // 2 :, SHIP_COUNT] = 2
     targets[count // 2 :, 2] = 0.0
     return state

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from ship_trl.config.paths import group_names
+from ship_trl.config.paths import group_names, module_names
 
 HELP_FLAGS = {"--help", "-h"}
 # Each verb is a module of `ship_trl.cli` with a function `main`.
@@ -39,8 +39,8 @@ What to run
   +pair=NAME            {pairs}; or any two cases:
   source=CASE           {cases}, or a YAML file
   target=CASE           the same; both may be a suite: {suites}
-  method=METHOD         scratch, feature_extraction, finetune (default), unfreeze, l2sp, guide, qdagger,
-                        q_reuse (settings: transfer.guide.belief=0.6 and others)
+  method=METHOD         scratch, {methods} (default finetune);
+                        settings: transfer.guide.belief=0.6 and others
   layers=N              1 to 4 layers (as many as the network has), all, head or body
   arm=NAME              method and layers at once: scratch, FE3, FT3, FTW, FEH, SP3, G, FE3-random ...
   source_file=FILE      take the source network from a safetensors file
@@ -56,7 +56,7 @@ How
   observation=NAME      pixels (default) or vector: the scene as numbers, with network=vector
   network=NAME          {networks} (default paper)
   device=cpu|cuda       colour=true|false fast=true|false (false: torch alone, no compiled loops)
-  logger=NAME           csv (always written), wandb, tensorboard, or all
+  logger=NAME           {trackers}, or all (csv is always written)
                         wandb.mode=offline|online wandb.project=NAME wandb.entity=NAME
   output=FOLDER         results go to FOLDER/<pair>/<arm>/seed=<k>
   overwrite=true        replace a finished run of other settings there, or a damaged one
@@ -77,4 +77,6 @@ def print_help() -> None:
     groups = ("pair", "case", "suite", "profile", "algorithm", "network", "sweep")
     verbs = "\n".join(f"  {verb:<22}{what}" for verb, what in VERBS.items())
     names = {f"{group}s": group_names(group) for group in groups}
+    names["methods"] = ", ".join(name for name in module_names("transfer/methods") if name != "base")
+    names["trackers"] = ", ".join(module_names("run/trackers"))
     print(HELP.format(**names, verbs=verbs), end="")

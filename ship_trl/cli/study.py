@@ -20,6 +20,7 @@ from pathlib import Path
 from ship_trl.cli.errors import refusals
 from ship_trl.cli.parser import make_parser
 from ship_trl.config.errors import ConfigError, command, print_error
+from ship_trl.config.types import LOGGERS
 from ship_trl.run.console import say, show
 from ship_trl.run.process import exit_at_sigterm
 from ship_trl.study.claims import load_claims
@@ -42,7 +43,7 @@ from ship_trl.study.statistics import LEVEL, Estimate
 from ship_trl.study.study import Study, finished_study
 from ship_trl.study.tables import CURVES, RUNS, has_tables, restore, write_tables
 
-RUN = """\
+RUN = f"""\
 Train every run of figures 5 to 7 and 9, and our controls. Started again, an interrupted study continues.
 Keys, with their values in conf/study.yaml:
 
@@ -53,7 +54,7 @@ Keys, with their values in conf/study.yaml:
   processes=N       runs in parallel, of joblib
   launcher=NAME     joblib, slurm, slurm_local, ray_local, ray_cluster
   overrides=[..]    of every run, as overrides=[learn.episodes=1000]
-  logger=NAME       csv, wandb, tensorboard or all
+  logger=NAME       {", ".join(LOGGERS)}
                     wandb.mode=offline|online wandb.project=NAME wandb.entity=NAME
 
 The report follows: <output>/report/index.html.

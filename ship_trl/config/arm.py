@@ -13,7 +13,7 @@ from functools import cache, total_ordering
 from importlib import import_module
 from typing import Annotated, Any
 
-from ship_trl.config.paths import PACKAGE, stem
+from ship_trl.config.paths import module_names
 from ship_trl.config.schema import rule
 
 # Values of `layers` that are no number: the whole network, its fully connected layers alone, or all but the
@@ -24,7 +24,7 @@ OUTPUT = ("value", "advantage")
 FULLY_CONNECTED = ("shared", *OUTPUT)
 # How the source is used, a file each. Figures list these methods first, then others by their names.
 FIRST = ["feature_extraction", "finetune", "unfreeze", "l2sp", "guide", "qdagger", "q_reuse"]
-FILES = {stem(path) for path in (PACKAGE / "transfer/methods").glob("[!_]*.py")} - {"base"}
+FILES = {*module_names("transfer/methods")} - {"base"}
 METHODS = ["scratch", *FIRST, *sorted(FILES.difference(FIRST))]
 MethodName = Annotated[str, rule(f"one of {', '.join(METHODS)}", METHODS.__contains__)]
 NAME = re.compile(r"([A-Z]+?)([1-9]\d*|[WHB])?(?:-(pretrained|random|permuted))?", re.ASCII)

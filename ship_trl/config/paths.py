@@ -53,6 +53,11 @@ def group_names(group: str) -> str:
     return list_names(path.stem for path in (conf_dir() / group).glob("*.yaml"))
 
 
+def module_names(folder: str) -> list[str]:
+    """List the modules of a folder of the package, sorted; those with a leading underscore are left out."""
+    return sorted(stem(path) for path in (PACKAGE / folder).glob("[!_]*.py"))
+
+
 def list_names(names: Iterable[str]) -> str:
     """List names, sorted, for people; the Imazu problems are a range, without their variants."""
     first = "imazu01"

@@ -17,7 +17,7 @@ from pydantic import Field
 from ship_trl.config import bounds
 from ship_trl.config.arm import Arm, MethodName, SourceWeights, forms
 from ship_trl.config.errors import ConfigError
-from ship_trl.config.paths import PACKAGE, stem
+from ship_trl.config.paths import module_names, stem
 from ship_trl.config.schema import rule
 
 # Environment variable, `on` or `off`: whether learn.precision=auto may choose bf16.
@@ -25,7 +25,7 @@ BFLOAT16 = "SHIP_TRL_BFLOAT16"
 
 
 # A run is logged to the trackers of these names, a file each; `all` is all of them.
-TRACKERS = sorted(stem(path) for path in (PACKAGE / "run/trackers").glob("[!_]*.py"))
+TRACKERS = module_names("run/trackers")
 LOGGERS = *TRACKERS, "all"
 Logger = Annotated[str, rule(f"one of {', '.join(LOGGERS)}", LOGGERS.__contains__)]
 

@@ -9,6 +9,7 @@ import pytest
 from PIL import Image
 
 from ship_trl.cli.evaluate import SCORES, main
+from ship_trl.policies.registry import POLICIES
 from tests.command import SMOKE, refused, ship_trl
 
 
@@ -173,7 +174,7 @@ def failing(env, seed):
         ("random", "target: none given for random"),
         (
             "nobody target=2",
-            "policy: no nobody; allowed: random, keep_course, best_known, vo, sb_mpc, apf, pretrained, a",
+            f"policy: no nobody; allowed: {', '.join(POLICIES)}, pretrained, a",
         ),
         ("random seed=3 target=2", "seed: unknown key; allowed here: target, perturbation.KEY, world"),
         (

@@ -23,3 +23,6 @@ def test_help_imports_nothing_heavy(verb: str, tmp_path: Path) -> None:
     if not verb:
         told = {line.split()[0] for line in done.stdout.partition("Verbs: ")[2].splitlines()[1:]}
         assert told == set(VERBS)
+        # Listed as their files stand in a folder.
+        assert "scratch, feature_extraction, finetune, " in done.stdout
+        assert "csv, tensorboard, wandb, " in done.stdout

@@ -10,7 +10,7 @@ from omegaconf import DictConfig, OmegaConf
 from ship_trl.config.checks import to_config
 from ship_trl.config.errors import ConfigError
 from ship_trl.config.paths import conf_dir
-from ship_trl.config.types import BFLOAT16, plain
+from ship_trl.config.types import BFLOAT16, LOGGERS, plain
 from ship_trl.files.untrusted import read_changes
 from ship_trl.grid.compose import compose_config
 from ship_trl.run.plan import make_run
@@ -39,7 +39,7 @@ WRONG = {
 }
 # Behind `+pair=high layers=3`.
 WRONG_VALUES = {
-    "logger=banana": 'logger: must be one of csv, tensorboard, wandb, all, got "banana"',
+    "logger=banana": f'logger: must be one of {", ".join(LOGGERS)}, got "banana"',
     "learn.loss=l3": "learn.loss: must be 'l2' or 'huber', got \"l3\"",
     "learn.backend=incremental fast=false": "learn.backend: must be auto or dense with fast=false, got inc",
     "learn.backend=incremental device=cuda": "learn.backend: must be auto or dense with",

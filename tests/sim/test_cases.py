@@ -92,7 +92,7 @@ def test_the_fingerprint_depends_on_the_values_not_the_name(tmp_path: Path, worl
         (with_value("goal", "[0.0, 1.0e+300]"), "goal[1]"),
         (with_value("goal", "[0.0, 600.0, 5.0]"), "goal"),
         (with_ship(speed="-1.0"), "target_ships[0].speed"),
-        (with_ship(behaviour="rams"), "target_ships[0].behaviour: must be 'holds' or 'gives_way'"),
+        (with_ship(behaviour="rams"), "target_ships[0].behaviour: must be 'holds'"),
         (with_ship(x="10.0", y="43.0", heading="0.0"), "target_ships[0]"),
         (with_value("goal", "[0.0, 60.0]"), "goal"),
         (with_value("goal", "[0.0, 2000.0]"), "goal: cannot be reached: 1940 m"),

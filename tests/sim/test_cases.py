@@ -66,8 +66,6 @@ def test_the_bundled_cases_are_those_of_the_paper(world: World) -> None:
         assert ships[more][:-1] == ships[fewer]
     # Our own case: the ships of cases 2 and 3.
     assert load_case("ship", world).target_ships == [*ships["2"], *ships["3"]]
-    names = {path.stem for path in (conf_dir() / "case").glob("*.yaml")}
-    assert {name for name in names if not name.startswith("imazu")} == set(BUNDLED)
 
 
 def test_the_fingerprint_depends_on_the_values_not_the_name(tmp_path: Path, world: World) -> None:
@@ -123,7 +121,7 @@ def test_a_file_that_is_no_case_is_refused(content: bytes, tmp_path: Path, world
 @pytest.mark.parametrize("name", ["9", "a" * 300, "mine.yaml", ""])
 def test_a_case_that_is_not_there(name: str, world: World) -> None:
     with pytest.raises(
-        ConfigError, match=r"^target: no case .*; allowed: 1, 2, .*, new, ship, or a path"
+        ConfigError, match=r"^target: no case .*; allowed: .*1, 2, .*new, .*ship, .*or a path"
     ) as error:
         load_case(name, world, key="target")
     assert "\n" not in str(error.value)
@@ -136,7 +134,8 @@ def test_a_users_case_by_name(tmp_path: Path, world: World) -> None:
     # The working directory's cases come before the bundled ones.
     (folder / "1.yaml").write_text(GOOD)
     (folder / "2.yaml").write_text((conf_dir() / "case" / "2.yaml").read_text())
-    assert {name for name in conf_files("case") if not name.startswith("imazu")} == {*BUNDLED, "mine"}
+    bundled = {path.stem for path in (conf_dir() / "case").glob("*.yaml")}
+    assert set(conf_files("case")) == bundled | {"mine"} and bundled > set(BUNDLED)
     assert load_case("mine", world).target_ships and load_case("1", world).target_ships
     assert not load_case("3", world).target_ships[1:]
     # A case that differs from the bundled one of its name is reported.

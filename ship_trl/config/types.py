@@ -324,7 +324,12 @@ def plain(values: Any) -> Any:
 def world_values(world: World) -> dict[str, Any]:
     """Return a world as plain values for a digest.
 
-    Keys that came later are left out at their default, so that digests of older worlds stay the same.
+    Keys of the world and its reward that came later are left out at their default, so that digests of older
+    worlds stay the same.
     """
-    defaults = {one.name: one.default for one in dataclasses.fields(World)}
-    return {key: value for key, value in plain(world).items() if getattr(world, key) != defaults[key]}
+    return _without_defaults(world) | {"reward": _without_defaults(world.reward)}
+
+
+def _without_defaults(values: World | Reward) -> dict[str, Any]:
+    defaults = {one.name: one.default for one in dataclasses.fields(values)}
+    return {key: value for key, value in plain(values).items() if getattr(values, key) != defaults[key]}

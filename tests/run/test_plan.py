@@ -6,6 +6,7 @@ from pathlib import Path
 import pytest
 
 from ship_trl.config.errors import ConfigError
+from ship_trl.config.types import Reward, World, world_values
 from ship_trl.run.plan import Run, find_result, make_run
 from tests.a_result import a_result
 from tests.config.test_config import composed
@@ -69,6 +70,20 @@ def test_config_hash_tells_runs_apart(change: str) -> None:
 def test_config_hash_ignores_what_is_not_learned_from(change: str) -> None:
     lines = ["+pair=high", "layers=3"]
     assert run(*lines).config_hash == run(*lines, change).config_hash
+
+
+@dataclasses.dataclass
+class LongerReward(Reward):
+    """A reward with a term of one's own, zero in the paper's world."""
+
+    rudder: float = 0.0
+
+
+def test_a_later_term_of_the_reward_changes_no_older_digest(world: World) -> None:
+    longer = LongerReward(**dataclasses.asdict(world.reward))
+    assert world_values(dataclasses.replace(world, reward=longer)) == world_values(world)
+    paid = dataclasses.replace(world, reward=dataclasses.replace(longer, rudder=-10.0))
+    assert world_values(paid)["reward"]["rudder"] == -10.0
 
 
 def test_no_two_streams_are_the_same() -> None:

@@ -144,6 +144,10 @@ class SuiteFile:
     based_on: str = ""
 
 
+# Keys that tell a suite's file from a case's.
+ONLY_SUITES = {"cases", "scenes", "traffic", "based_on"}
+
+
 @dataclass(frozen=True)
 class Suite:
     """What episodes begin with: one of the cases at random, perturbed, or a random encounter.
@@ -281,13 +285,17 @@ def load_case(name: str, world: World, key: str = "case", unit: float | None = N
     """
     path = find_case(name)
     if path is None:
-        allowed = f"{list_names(conf_files('case'))}, or a path to a YAML file"
+        allowed = f"{list_names(conf_files('case'))}, or a path to a case's YAML file"
         raise ConfigError(f"{key}: no case {name}; allowed: {allowed}")
     if not is_name(stem(path)):
         # Results are written to a folder of this name.
         raise ConfigError(f"{key}: {path!s:.200}: its name cannot name a folder; allowed: rename the file")
     where = f"{path}: "
-    found = read_as(CaseFile, read_values(path), where)
+    values = read_values(path)
+    if isinstance(values, DictConfig) and not ONLY_SUITES.isdisjoint(map(str, values)):
+        allowed = "a case's file, or the name of a suite in conf/suite, here or where you work"
+        raise ConfigError(f"{where}holds a suite; allowed: {allowed}")
+    found = read_as(CaseFile, values, where)
     unit = unit or found.unit
     ships = []
     for n, ship in enumerate(found.target_ships):
@@ -378,7 +386,9 @@ def load_suite(
     if not is_suite(name):
         if find_case(name) is None:
             known = f"{list_names(conf_files('case'))}, suite {', '.join(sorted(conf_files('suite')))}"
-            raise ConfigError(f"{key}: no case or suite {name}; allowed: {known}, or a path to a YAML file")
+            raise ConfigError(
+                f"{key}: no case or suite {name}; allowed: {known}, or a path to a case's YAML file"
+            )
         return suite_of(load_case(name, world, key), perturbation)
     path = conf_files("suite")[name]
     values = read_suite(path)

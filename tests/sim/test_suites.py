@@ -179,6 +179,14 @@ def test_a_suite_of_the_working_directory_comes_before_a_bundled_one(
     for read in (lambda: load_suite("two", world), lambda: profile_of("two")):
         with pytest.raises(ConfigError, match=r"^conf/suite/two.yaml: not readable as YAML: "):
             read()
+    with pytest.raises(ConfigError, match=r"^conf/suite/two.yaml: not readable as YAML: "):
+        load_suite("conf/suite/two.yaml", world)
+    for text in ("cases: ['1']", "based_on: traffic"):
+        (tmp_path / "conf/suite/two.yaml").write_text(text)
+        with pytest.raises(
+            ConfigError, match=r"^conf/suite/two.yaml: holds a suite; allowed: a case's file, or"
+        ):
+            load_suite("conf/suite/two.yaml", world)
     assert shadowing_file("suite", "traffic") == Path("conf/suite/traffic.yaml")
     assert shadowing_file("suite", "two") is None
 

@@ -187,6 +187,10 @@ def explain_hydra(error: Exception) -> str:
         path = key.split(".")[:-1]
         while not (known := keys_at(Config, tuple(path))):
             path.pop()
+        if key in (".".join((*path, name)) for name in known):
+            # With `+` a key must be new; without, a file must have it.
+            sign, why = ("", "it has a value") if "append" in found[0] else ("+", "no file gives it a value")
+            return f"{key}: {why}; write {sign}{key}=VALUE"
         return f"{key}: unknown key; allowed here: {', '.join(known)}"
     text = " ".join(text.partition("\nSee https://hydra.cc")[0].split())
     # A value with characters of Hydra's grammar, as seed=0 in a path.

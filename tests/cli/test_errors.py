@@ -137,6 +137,7 @@ REFUSED = {
     "study profile=quick": "study: now python -m ship_trl study run profile=quick",
     "target=1 method=scratch ~network.conv.0": "overrides: Hydra cannot read them (",
     "target=1 method=scratch learn.lr.x=1": "learn.lr.x: unknown key; allowed here: ",
+    "target=1 method=scratch +learn.lr=1": "learn.lr: it has a value; write learn.lr=VALUE",
     "watches target=4": "watches: no such verb; allowed: watch, record, play,",
     "source=1 target=2 layers=1 source_file=a/seed=0/b": "overrides: mismatched input '='",
     "--config-dir=broken target=1 method=scratch network=broken": "config: not YAML: while parsing",

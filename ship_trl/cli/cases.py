@@ -47,7 +47,7 @@ def main(arguments: list[str] | None = None) -> None:
     """Print the tables and write the picture."""
     parser = make_parser("cases", __doc__)
     add_target(parser, DEFAULT, "target=CASE|SUITE")
-    by = "rank by similarity (equation 8), distance (7), side (of the ideal path) or number of ships"
+    by = "what to rank by: similarity is equation 8, distance 7, side the ideal path's, ships their number"
     parser.add_argument("--by", choices=MEASURES, default="similarity", help=by)
     stored = "folder of trained networks; default: %(default)s"
     parser.add_argument("--case-base", type=Path, default=Path("outputs/case_base"), help=stored)

@@ -9,6 +9,7 @@ other cases are ranked as sources, and an arm is recommended.
 from __future__ import annotations
 
 import sys
+from dataclasses import replace
 from itertools import islice
 from pathlib import Path
 
@@ -22,6 +23,7 @@ from ship_trl.run.console import show
 from ship_trl.sim.cases import (
     Case,
     Suite,
+    is_suite,
     load_suite,
     load_world,
     read_values,
@@ -76,11 +78,13 @@ def main(arguments: list[str] | None = None) -> None:
             note = f": the first {MAX_PICTURES} of {len(every)} cases" * (len(every) > MAX_PICTURES)
         else:
             (target,) = cases.values()
+            # Its name is no word of a command where it was given by a path.
+            given = target.name if is_suite(options.target[0]) else options.target[0]
             sources = [case for case in readable_cases(world) if case.fingerprint != target.fingerprint]
             known = [] if options.measured is None else read_transfers(options.measured)
-            show_ranking(target, sources, world, options.by, CaseBase(options.case_base))
-            show_expected(target, sources, world)
-            show_measured(target, transfers_to(target, known, sources))
+            show_ranking(target, given, sources, world, options.by, CaseBase(options.case_base))
+            show_expected(target, given, sources, world)
+            show_measured(target, given, transfers_to(target, known, sources))
             name = f"case_{target.name}"
         path = options.picture or Path("outputs") / f"{name}.png"
         path.parent.mkdir(parents=True, exist_ok=True)
@@ -140,8 +144,13 @@ def show_pairs(cases: dict[str, Case], world: World) -> None:
         show(("", *cases), matrix, title="Similarity of every source (row) to every target (column)")
 
 
-def show_ranking(target: Case, sources: list[Case], world: World, by: str, stored: CaseBase) -> None:
-    """Print the sources for a target, best first, with stored networks and the paper's arm."""
+def show_ranking(
+    target: Case, given: str, sources: list[Case], world: World, by: str, stored: CaseBase
+) -> None:
+    """Print the sources for a target, best first, with stored networks and the paper's arm.
+
+    `given` is the target's word in the commands that are printed: its name or path.
+    """
     fingerprints = [entry.fingerprint for entry in stored.entries()]
     ranking = rank(target, sources, world, by)[:MAX_SHOWN]
     arms = [[override(key, value) for key, value in match.arm.keys.items()] for match in ranking]
@@ -155,7 +164,7 @@ def show_ranking(target: Case, sources: list[Case], world: World, by: str, store
     if not ranking:
         return
     first = ranking[0].case
-    words = override("source", first.name), override("target", target.name), *arms[0]
+    words = override("source", first.name), override("target", given), *arms[0]
     sys.stdout.write(f"By the paper's rule:\n{command(*words)}\n")
     if best := stored.representative(first):
         known = f"{best.arm}, seed {best.seed}, greedy return {best.best_return:.1f}"
@@ -163,7 +172,7 @@ def show_ranking(target: Case, sources: list[Case], world: World, by: str, store
         sys.stdout.write(f"{command(*words, override('source_file', best.policy))}\n")
 
 
-def show_measured(target: Case, found: list[Transfer]) -> None:
+def show_measured(target: Case, given: str, found: list[Transfer]) -> None:
     """Print the measured gains of transfers to a target, largest lower bound first, and recommend the first.
 
     The lower bound decides, because the largest of many measured gains may be due to chance.
@@ -184,14 +193,14 @@ def show_measured(target: Case, found: list[Transfer]) -> None:
     best = found[0]
     if best.low > 0:
         lines = [f"By measurement, the one of {len(found)} transfers with the highest lower bound:"]
-        lines += best.commands()
+        lines += replace(best, target=given).commands()
     else:
         lines = [f"By measurement, none of {len(found)} transfers is shown to gain; without a source:"]
-        lines.append(command(override("target", target.name), "method=scratch"))
+        lines.append(command(override("target", given), "method=scratch"))
     sys.stdout.write("\n".join(lines) + "\n")
 
 
-def show_expected(target: Case, sources: list[Case], world: World) -> None:
+def show_expected(target: Case, given: str, sources: list[Case], world: World) -> None:
     """Print the bundled network with the largest zero-shot score, which predicts gains best."""
     from ship_trl.fast.worlds import make_env
     from ship_trl.policies.named import load_network
@@ -207,7 +216,7 @@ def show_expected(target: Case, sources: list[Case], world: World) -> None:
     if not scores:
         return
     first = max(scores, key=scores.__getitem__)
-    words = override("source", first), "source_weights=pretrained", override("target", target.name)
+    words = override("source", first), "source_weights=pretrained", override("target", given)
     gain = "{:+.2f} ({:+.2f} to {:+.2f})".format(*ZERO_SHOT_GAIN)
     sys.stdout.write(
         f"By zero_shot, which predicted gains best in the study of sources (studies/sources): "

@@ -62,3 +62,7 @@ def test_recommended_commands_keep_odd_names(tmp_path: Path) -> None:
     done = ship_trl("target=münchen", folder=tmp_path, verb="cases")
     lines = printed_commands(done.stdout)
     assert lines and {composed_values(line)["target"] for line in lines} == {"münchen"}
+    # A case that was given by its path is no name.
+    shutil.copy(ROOT / "conf" / "case" / "2.yaml", tmp_path / "own.yaml")
+    lines = printed_commands(ship_trl("target=own.yaml", folder=tmp_path, verb="cases").stdout)
+    assert lines and {composed_values(line)["target"] for line in lines} == {"own.yaml"}

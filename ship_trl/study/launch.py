@@ -128,6 +128,8 @@ def run_batch(jobs: list[Job], config: StudyConfig, watch: Callable[[], None]) -
                     child.wait(1.0)
         finally:
             child.terminate()
+            # At Ctrl-C `Popen` would not wait until the runs have written their checkpoints.
+            child.wait()
     watch()
 
 

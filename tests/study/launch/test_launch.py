@@ -118,3 +118,31 @@ def test_a_copied_run_is_of_another_place(tmp_path: Path) -> None:
     (one / "result.json").write_bytes((other / "result.json").read_bytes())
     (line,) = launch.set_aside(jobs, config)
     assert "result.json is of another run" in line
+
+
+# Takes a while to end when it is asked to, as a run that writes its checkpoint.
+SLOW = """
+import pathlib, signal, sys, time
+
+def end(*_):
+    time.sleep(0.6)
+    pathlib.Path(sys.argv[1], "ended").touch()
+    sys.exit()
+
+signal.signal(signal.SIGTERM, end)
+pathlib.Path(sys.argv[1], "begun").touch()
+time.sleep(60)
+"""
+
+
+def test_an_interrupted_study_waits_for_its_runs(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    config = to_study([*SMALL, f"output={tmp_path}"])
+    monkeypatch.setattr(launch, "command", lambda *_: [sys.executable, "-c", SLOW, str(tmp_path)])
+
+    def interrupt() -> None:
+        if (tmp_path / "begun").exists():
+            raise KeyboardInterrupt
+
+    with pytest.raises(KeyboardInterrupt):
+        launch.run_jobs(plan_jobs(config), config, interrupt)
+    assert (tmp_path / "ended").exists()

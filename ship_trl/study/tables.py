@@ -226,7 +226,7 @@ def read_layers(path: Path) -> pd.DataFrame:
         # The estimate is unbiased, so it may be a little above 1 or below 0. NaN is allowed.
         if (table["cka"].abs() > 2).any():
             raise ValueError("a CKA beyond 2")
-    except ValueError as error:
+    except (ValueError, OverflowError) as error:
         raise ConfigError(f"table: {path} is not a table of layers: {error}") from None
     return table
 
@@ -235,7 +235,8 @@ def write_layers(path: Path, table: pd.DataFrame) -> None:
     """Write a table of layers, by seed."""
     path.parent.mkdir(parents=True, exist_ok=True)
     with atomic_write(path) as draft:
-        table.sort_values("seed", kind="stable").to_csv(draft, index=False, lineterminator="\n")
+        ordered = table.sort_values("seed", kind="stable")
+        ordered.to_csv(draft, index=False, na_rep="nan", lineterminator="\n")
 
 
 # Fields of a result, beside the settings, that may change digits.

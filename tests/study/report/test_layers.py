@@ -2,15 +2,17 @@
 
 import math
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pandas as pd
 import pytest
 
+from ship_trl.config.errors import ConfigError
 from ship_trl.study.report.gains import draw_layers
 from ship_trl.study.report.tables import layer_rows
 from ship_trl.study.statistics import interquartile_mean
-from ship_trl.study.tables import LAYER_TYPES, OTHER_SEED, SCRATCH, UNTRAINED
+from ship_trl.study.tables import LAYER_TYPES, OTHER_SEED, SCRATCH, UNTRAINED, read_layers, write_layers
 from tests.study.synthetic import make_study
 
 NAMES = ("conv1", "conv2")
@@ -46,3 +48,12 @@ def test_each_layer_of_each_two_networks_has_a_row() -> None:
 def test_what_was_not_measured_has_neither_rows_nor_a_figure() -> None:
     bare = replace(STUDY, layers=None)
     assert layer_rows(bare) == [] and draw_layers(bare) is None
+
+
+def test_a_layer_without_a_number_is_kept_and_a_wrong_seed_is_refused(tmp_path: Path) -> None:
+    path, row = tmp_path / "layers.csv", (1, "high", SCRATCH, UNTRAINED, "conv1", math.nan)
+    write_layers(path, pd.DataFrame([row], columns=list(LAYER_TYPES)))
+    assert read_layers(path).loc[0, "cka":].isna().all()
+    path.write_text(path.read_text().replace("\n1,", f"\n{10**20},"))
+    with pytest.raises(ConfigError, match="is not a table of layers"):
+        read_layers(path)

@@ -111,7 +111,8 @@ class ShipCollisionVectorEnv(gymnasium.vector.VectorEnv[Observations, NDArray[np
         kind: Observation = read_as(Observation, observation, key="observation")
         ahead: float = read_as(Seconds, vector_time, key="vector_time")
         self.world = load_world()
-        limit = {None: self.world.max_steps, -1: NO_LIMIT}.get(max_episode_steps, max_episode_steps)
+        limit = self.world.max_steps if max_episode_steps is None else max_episode_steps
+        limit = NO_LIMIT if limit == -1 else limit
         if not (isinstance(limit, int | np.integer) and 1 <= limit <= NO_LIMIT):
             allowed = f"a whole number from 1 to {NO_LIMIT}, or -1 for no limit"
             raise ConfigError(f"max_episode_steps: must be {allowed}, got {limit!r:.40}")

@@ -207,6 +207,7 @@ def test_the_documents_line_needs_nothing_before_it(tmp_path: Path) -> None:
         (ShipCollisionEnv, {"observation": "sound"}, "observation: must be 'pixels' or 'vector', got"),
         (ShipCollisionEnv, {"render_mode": "ansi"}, "render_mode: must be None or rgb_array, got 'ansi'"),
         (ShipCollisionEnv, {"max_episode_steps": 0}, "max_episode_steps: must be a whole number from 1 to"),
+        (ShipCollisionEnv, {"max_episode_steps": [5]}, "max_episode_steps: must be a whole number from 1 to"),
         (ShipCollisionVectorEnv, {"num_envs": 0}, "num_envs: must be at least 1, got 0"),
         (ShipCollisionVectorEnv, {"case": "nowhere"}, "nowhere"),
         (

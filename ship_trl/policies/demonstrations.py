@@ -68,7 +68,7 @@ def write_demonstration(
     try:
         with atomic_write(path) as draft:
             draft.write_text(json.dumps(asdict(found)) + "\n")
-    except OSError:
+    except BaseException:  # an empty file would be refused by the next training
         path.unlink()
         raise
     return path

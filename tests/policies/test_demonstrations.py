@@ -35,6 +35,16 @@ def test_what_is_written_is_read(tmp_path: Path) -> None:
     assert (one.actions, one.episode_return, one.by) == (plan.actions, plan.episode_return, "planner")
 
 
+def test_an_interrupted_one_leaves_no_file(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    def interrupt(_: Path) -> None:
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr("ship_trl.policies.demonstrations.atomic_write", interrupt)
+    with pytest.raises(KeyboardInterrupt):
+        kept(tmp_path)
+    assert list(tmp_path.iterdir()) == []
+
+
 def test_demonstrations_of_other_cases_are_skipped(tmp_path: Path) -> None:
     kept(tmp_path)
     with pytest.raises(ConfigError, match="demonstrations: none of case 2 in"):

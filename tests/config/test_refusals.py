@@ -40,7 +40,7 @@ WRONG = {
 # Behind `+pair=high layers=3`.
 WRONG_VALUES = {
     "logger=banana": f'logger: must be one of {", ".join(LOGGERS)}, got "banana"',
-    "learn.loss=l3": "learn.loss: must be 'l2' or 'huber', got \"l3\"",
+    "learn.loss=l3": "learn.loss: must be 'l2'",
     "learn.backend=incremental fast=false": "learn.backend: must be auto or dense with fast=false, got inc",
     "learn.backend=incremental device=cuda": "learn.backend: must be auto or dense with",
     "seed=one": 'seed: must be a valid integer, got "one"',

@@ -112,7 +112,8 @@ class Checkpoints:
         """Restore the training from the newest intact checkpoint of this run, if there is one.
 
         Damaged checkpoints are reported and deleted. After a checkpoint of other arithmetic the run would not
-        end with the same bits: it is refused, or starts over in a grid, where nobody may be there to choose.
+        end with the same bits: it is refused. It starts over with `overwrite=true`, or in a grid, where
+        nobody may be there to choose.
         """
         found, damaged = read_newest(self._folder, self._run.config_hash)
         for path, reason in damaged.items():
@@ -125,12 +126,12 @@ class Checkpoints:
         parts, place = self._parts, f"{self._folder}, episode {about.episode},"
         if about.computed != parts.computed:
             differs = f"was computed by {about.computed}, and here it would be {parts.computed}"
-            if in_a_grid:
+            if in_a_grid or self._run.config.overwrite:
                 console.say(f"{place} {differs}; the run starts over")
                 return
             raise ConfigError(
-                f"output: {place} {differs}; allowed: the same machine, device=, "
-                f"learn.precision= and learn.backend=; or delete {self._folder} to start over"
+                f"output: {place} {differs}; allowed: the same machine, device=, fast=, "
+                "learn.precision= and learn.backend=; or overwrite=true to start over"
             )
         try:
             parts.training.load_state_dict(strip_prefix("training", tensors))

@@ -195,11 +195,16 @@ def test_other_arithmetic_is_refused_and_a_grid_starts_over(
     train_and_kill(after, "out", *SCRATCH, "learn.precision=fp32")
     before = files(Path("out/4"))
     dense = (*SCRATCH, "learn.precision=fp32", "learn.backend=dense")
-    with pytest.raises(ConfigError, match=r"computed by float32 incremental .* dense .* or delete out/4/"):
+    with pytest.raises(
+        ConfigError, match=r"computed by float32 incremental .* dense .* or overwrite=true to st"
+    ):
         train("out", *dense)
     assert files(Path("out/4")) == before
     after(10**9, cut)
     whole = left(train("one", *dense))
+    shutil.copytree("out", "again")
+    assert left(train("again", *dense, "overwrite=true")) == whole
+    assert "the run starts over" in capsys.readouterr().out
     run = make_run(composed(*LINE, "output=out", *dense))
     run_experiment(run, "1 of 2")
     assert left(run.folder) == whole

@@ -84,7 +84,7 @@ def progress(
             else:
                 episode, now = row["episode"], f"{row['return']:.1f}"
                 if "loss" in row and not bar.tasks[0].started:
-                    bar.reset(task, completed=bar.tasks[0].completed)
+                    bar.reset(task, completed=episode - 1)
                 bar.update(task, completed=episode, now=now)
                 if plain and lines.due(episode / episodes):
                     left = time_left(bar)

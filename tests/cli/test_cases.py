@@ -49,7 +49,7 @@ def test_random_encounters_are_shown_by_their_seeds(
     main(["target=traffic", "--picture", str(picture)])
     assert "scenes of the seeds 0 to 19" in capsys.readouterr().out
     with Image.open(picture) as image:
-        assert image.width == 1200
+        assert image.width == 1180
     with pytest.raises(SystemExit):
         main(["target=traffic,paper"])
     assert "target: must be alone, where it is a suite of random encounters" in capsys.readouterr().err

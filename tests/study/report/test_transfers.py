@@ -23,7 +23,7 @@ SEEDS = 5
 @pytest.fixture(scope="module")
 def study(tmp_path_factory: pytest.TempPathFactory) -> Study:
     folder = tmp_path_factory.mktemp("study")
-    parts = ("pairs=[low]", "controls=false")
+    parts = ("pairs=[high,low]", "controls=false")
     config = to_study(["profile=quick", f"seeds={SEEDS}", f"output={folder}", *parts])
     write_plan(plan_jobs(config), config)
     write_planned(folder, SEEDS + 1, 120, *parts)

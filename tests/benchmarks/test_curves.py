@@ -21,6 +21,7 @@ from ship_trl.sim.cases import load_suite
 from ship_trl.sim.env import ShipEnv
 
 
+@pytest.mark.long
 def test_from_the_command_to_table_and_picture(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:

@@ -52,6 +52,7 @@ def test_a_damaged_curve_is_refused_if_the_objective_needs_it(tmp_path: Path) ->
         evaluate(run)
 
 
+@pytest.mark.long
 def test_a_sweep_keeps_its_trials_apart_and_finds_the_best(tmp_path: Path) -> None:
     small = (*SMOKE, "target=1", "method=scratch")
     line = ("+sweep=learning_rate", "hydra.sweeper.n_trials=2", "hydra/launcher=basic", *small)

@@ -76,6 +76,7 @@ def test_an_agent_learns_with_others_what_it_learns_alone() -> None:
         assert not torch.allclose(together.weights(0)[name], value, atol=1e-3)
 
 
+@pytest.mark.long
 def test_agents_learn_to_reach_the_goal() -> None:
     many = lockstep((0, 1, 2), epsilon_fraction=0.5)
     many.train(3000)

@@ -33,6 +33,7 @@ def test_sources_have_seeds_of_their_own_and_are_trained_first() -> None:
     assert set(Counter((task.arm, task.source_seed) for task in shared).values()) == {4}
 
 
+@pytest.mark.long
 def test_last_networks_are_tested_on_scenes_that_they_did_not_see(tmp_path: Path) -> None:
     overrides, seed, length = SETTINGS["numbers"].overrides, FIRST_SOURCE, 480
     (source,) = train([Task("3", "", "scratch", seed, length, is_source=True)], overrides, tmp_path)

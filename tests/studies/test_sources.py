@@ -33,9 +33,8 @@ def test_every_case_is_source_and_target_of_every_other() -> None:
         }
 
 
-@pytest.mark.parametrize(
-    ("name", "lengths"), [("numbers", (480, 480)), pytest.param("pixels", (2060, 30), marks=pytest.mark.long)]
-)
+@pytest.mark.long
+@pytest.mark.parametrize(("name", "lengths"), [("numbers", (480, 480)), ("pixels", (2060, 30))])
 def test_a_transfer_begins_as_its_source_ended(name: str, lengths: tuple[int, int], tmp_path: Path) -> None:
     overrides = SETTINGS[name].overrides
     (first,) = train([Task("1", "", "scratch", 9001, lengths[0], is_source=True)], overrides, tmp_path)

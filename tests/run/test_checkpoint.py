@@ -3,12 +3,14 @@
 import dataclasses
 from collections.abc import Callable
 from pathlib import Path
+from types import SimpleNamespace
+from typing import Any
 
 import pytest
 import torch
 from torch import Tensor
 
-from ship_trl.run.checkpoint import NAMES, About, read_newest, write
+from ship_trl.run.checkpoint import NAMES, About, Checkpoints, read_newest, write
 from ship_trl.run.plan import read_hash
 
 ABOUT = About("0123456789ab", "float32 dense cpu", 5, 100, 150, 12.5)
@@ -84,3 +86,20 @@ def test_a_checkpoint_of_other_settings_is_not_read(tmp_path: Path) -> None:
     path, _ = written(tmp_path, 30, 60)
     assert read_newest(tmp_path, "another hash") == (None, {})
     assert read_hash(path) == ABOUT.config_hash and read_hash(tmp_path / "none") == ""
+
+
+def test_a_checkpoint_is_due_by_episodes_and_time(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    now, training = 100.0, SimpleNamespace(episode=20)
+    monkeypatch.setattr("ship_trl.run.checkpoint.time.monotonic", lambda: now)
+    interval, learn = SimpleNamespace(every=0.1, seconds=60), SimpleNamespace(episodes=100)
+    run: Any = SimpleNamespace(folder=tmp_path, config=SimpleNamespace(checkpoint=interval, learn=learn))
+    parts: Any = SimpleNamespace(training=training)
+    checkpoints = Checkpoints(run, parts, now)
+    for now, training.episode, is_due in ((159.0, 50, False), (160.0, 29, False), (160.0, 30, True)):
+        assert checkpoints.is_due is is_due
+    # Without an interval, after each episode.
+    interval.every = interval.seconds = 0
+    training.episode = 20
+    assert not checkpoints.is_due
+    training.episode = 21
+    assert checkpoints.is_due

@@ -35,6 +35,9 @@ def configure_process() -> None:
     """
     import torch
 
+    # safetensors is written in Rust. If it runs out of memory and prints a backtrace, which needs memory too,
+    # it deadlocks.
+    os.environ["RUST_BACKTRACE"] = "0"
     torch.set_num_threads(1)
     torch.set_flush_denormal(True)
     # On a GPU: algorithms and memory that give the same bits each time.

@@ -89,13 +89,13 @@ def test_a_checkpoint_of_other_settings_is_not_read(tmp_path: Path) -> None:
 
 
 def test_a_checkpoint_is_due_by_episodes_and_time(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    now, training = 100.0, SimpleNamespace(episode=20)
-    monkeypatch.setattr("ship_trl.run.checkpoint.time.monotonic", lambda: now)
+    clock, training = SimpleNamespace(now=100.0), SimpleNamespace(episode=20)
+    monkeypatch.setattr("ship_trl.run.checkpoint.time.monotonic", lambda: clock.now)
     interval, learn = SimpleNamespace(every=0.1, seconds=60), SimpleNamespace(episodes=100)
     run: Any = SimpleNamespace(folder=tmp_path, config=SimpleNamespace(checkpoint=interval, learn=learn))
     parts: Any = SimpleNamespace(training=training)
-    checkpoints = Checkpoints(run, parts, now)
-    for now, training.episode, is_due in ((159.0, 50, False), (160.0, 29, False), (160.0, 30, True)):
+    checkpoints = Checkpoints(run, parts, 0.0)
+    for clock.now, training.episode, is_due in ((159.0, 50, False), (160.0, 29, False), (160.0, 30, True)):
         assert checkpoints.is_due is is_due
     # Without an interval, after each episode.
     interval.every = interval.seconds = 0

@@ -47,11 +47,15 @@ class Trackers:
         modules = (import_module(f"{__name__}.{name}") for name in trackers_of(self._run.config.logger))
         started: list[Tracker] = [module.start(self._run) for module in modules]
         open_folder(self._run, resume=bool(self._rows))
-        for tracker in started:
-            tracker.begin()
-            self._all.append(tracker)
-        for row in self._rows:
-            self.log(row)
+        with ExitStack() as entering:
+            # Closes what has begun if another cannot begin, as on a full disk.
+            entering.push(self)
+            for tracker in started:
+                tracker.begin()
+                self._all.append(tracker)
+                for row in self._rows:
+                    tracker.log(row)
+            entering.pop_all()
         return self
 
     def log(self, row: Row) -> None:

@@ -128,8 +128,8 @@ print(json.dumps([s(state, action).reward.tolist() for s in (CompiledStep(step),
 
 
 def copy(folder: Path) -> Path:
-    """Copy the package and its values, with the loops that were compiled."""
-    for name in ("ship_trl", "conf"):
+    """Copy the package, its values and the claims, with the loops that were compiled."""
+    for name in ("ship_trl", "conf", "studies"):
         shutil.copytree(ROOT / name, folder / "copy" / name)
     return folder / "copy"
 

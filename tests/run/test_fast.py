@@ -8,15 +8,10 @@ import yaml
 from ship_trl.files.record import read_run
 from tests.command import ship_trl
 
-# A blocked import raises. Gymnasium's environments are stepped in the same process.
+# A blocked import raises.
 WITHOUT_NUMBA = """
 import sys
 sys.modules["numba"] = None
-import numpy
-from ship_trl.gym import ShipCollisionVectorEnv
-envs = ShipCollisionVectorEnv(3, "4", fast=False)
-envs.reset()
-envs.step(numpy.zeros(3, numpy.int64))
 """
 LINE = ("profile=smoke", "+pair=high", "method=feature_extraction", "layers=3")
 

@@ -1,6 +1,7 @@
 """The folder tree is the architecture: imports point down only, and no file grows past its subject."""
 
 import ast
+from graphlib import TopologicalSorter
 from pathlib import Path
 
 import pytest
@@ -50,6 +51,20 @@ def test_imports_point_down(path: Path) -> None:
         if name.startswith("ship_trl.") and name != "ship_trl.__version__":
             other = name.split(".")[1]
             assert ROOMS.index(other) <= ROOMS.index(own), f"{own} must not import {name}"
+
+
+def test_no_files_import_each_other_in_a_circle() -> None:
+    """Imports in functions count too."""
+    modules = {
+        ".".join(path.relative_to(PACKAGE.parent).with_suffix("").parts).removesuffix(".__init__"): path
+        for path in FILES
+        if path.parent != PACKAGE or path.stem != TOP
+    }
+    arrows: dict[str, set[str]] = {}
+    for module, path in modules.items():
+        names = {name if name in modules else name.rpartition(".")[0] for name in imports(path)}
+        arrows[module] = names & modules.keys() - {module}
+    list(TopologicalSorter(arrows).static_order())
 
 
 def test_the_package_does_not_know_what_is_made_with_it() -> None:

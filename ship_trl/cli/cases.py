@@ -96,7 +96,7 @@ def draw(path: Path, cases: dict[str, Case], traffic: Suite | None, world: World
     """Write a row of pictures for each case, or a page of small ones of many or of random encounters."""
     import torch
 
-    from ship_trl.policies.named import draw_starts
+    from ship_trl.fast.worlds import draw_starts
     from ship_trl.sim.state import initial_state
     from ship_trl.view.pages import write_case_page, write_contact_sheet
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 from typing import Any, cast
 
 import torch
+from torch import Generator, Tensor
 
 from ship_trl.config.network import Geometry
 from ship_trl.config.types import World
@@ -19,6 +20,8 @@ from ship_trl.sim.starts import make_starts as make_plain_starts
 from ship_trl.sim.transition import Step, Transition
 
 # Loops are imported where they are needed: numba takes half a second, and a GPU needs none.
+# Added to the seed of the starts, whose random numbers must not be those of a policy.
+STARTS_SEED = 1_000_003
 
 
 class Slow(Engine):
@@ -85,6 +88,14 @@ def make_step(world: World, device: torch.device | str = "cpu", *, fast: bool = 
 def make_starts(suite: Suite, world: World) -> Starts | TrafficStarts:
     """Make what draws the initial states of a suite."""
     return make_plain_starts(suite, world, Slow().scenes)
+
+
+def draw_starts(suite: Suite, world: World, count: int, seed: int) -> Tensor:
+    """Return states [count, S] at the start: of cases in turn, or of random encounters by seed."""
+    starts = make_starts(suite, world)
+    if suite.cases:
+        return starts.balanced(count, Generator().manual_seed(seed + STARTS_SEED))
+    return torch.cat([starts.sample(1, Generator().manual_seed(seed + k)) for k in range(count)])
 
 
 def make_rasteriser(world: World, *, fast: bool = True, **given: Any) -> Rasteriser:

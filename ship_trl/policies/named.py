@@ -19,19 +19,14 @@ from torch import Generator, Tensor, nn
 
 from ship_trl.config.errors import ConfigError
 from ship_trl.config.imports import import_function, name_in_errors
-from ship_trl.config.types import World
-from ship_trl.fast.worlds import make_env, make_starts
+from ship_trl.fast.worlds import draw_starts, make_env
 from ship_trl.learn.network import DuelingNetwork, make_network
 from ship_trl.learn.rollout import Episode, Policy, greedy_policy, rollout
 from ship_trl.policies.pretrained import find
 from ship_trl.policies.registry import EPISODES, POLICIES, Entry, Kind, kind_of
-from ship_trl.sim.cases import Suite
 from ship_trl.sim.env import ShipEnv
 from ship_trl.sim.state import OWN_SIZE, SHIP_SIZE
 from ship_trl.transfer.weights import load_weights, read_look
-
-# Added to the seed of the starts, whose random numbers must not be those of a policy.
-STARTS_SEED = 1_000_003
 
 
 def load_policy(name: str, env: ShipEnv, seed: int = 0) -> Policy:
@@ -150,14 +145,6 @@ def describe(value: object) -> str:
     if hasattr(value, "dtype") and hasattr(value, "shape"):
         return f"{str(value.dtype).removeprefix('torch.')} {list(value.shape)}"
     return f"{value!r:.40}"
-
-
-def draw_starts(suite: Suite, world: World, count: int, seed: int) -> Tensor:
-    """Return states [count, S] at the start: of cases in turn, or of random encounters by seed."""
-    starts = make_starts(suite, world)
-    if suite.cases:
-        return starts.balanced(count, Generator().manual_seed(seed + STARTS_SEED))
-    return torch.cat([starts.sample(1, Generator().manual_seed(seed + k)) for k in range(count)])
 
 
 def failures_first(entries: list[Entry], seed: int = 0) -> list[Entry]:

@@ -95,7 +95,7 @@ def split_suites(entries: Iterable[Entry], seed: int = 0) -> list[Entry]:
         suite, cases = entry.suite, entry.suite.cases
         if not cases:
             # Imported here: most suites need no torch.
-            from ship_trl.policies.named import draw_starts
+            from ship_trl.fast.worlds import draw_starts
             from ship_trl.sim.state import first_case
 
             states = enumerate(draw_starts(suite, entry.world, EXAMPLES, seed), seed)

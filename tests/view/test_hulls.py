@@ -9,7 +9,7 @@ import pygame
 import pytest
 from numpy.typing import NDArray
 
-from ship_trl.policies.named import draw_starts
+from ship_trl.fast.worlds import draw_starts
 from ship_trl.policies.registry import split_suites
 from ship_trl.run.entries import find_entries
 from ship_trl.sim import scene

@@ -3,6 +3,7 @@
 # make watch  nothing is trained: the network of case 4 gives way to two ships, in a window
 # make test   style, types and tests
 # make test-long   the tests that `make test` leaves out, for they take long
+# make docs   the documents as a site with an API reference, site/index.html; a dead link fails
 # make lock   the newest versions that fit pyproject.toml into requirements.lock: make lock UPGRADE=--upgrade
 # make audit  asks a public database whether a locked version has a known vulnerability
 # All install into .venv first, by requirements.lock, once for each change of it or of pyproject.toml;
@@ -33,7 +34,7 @@ python = $(or $(shell for one in $(PYTHON); do "$$one" -c "$(FITS)" 2>/dev/null 
 	uv venv --seed --python 3.13 $(VENV)))
 make_venv = $(foreach found,$(python),$(if $(filter $(BIN)/python,$(found)),,$(found) -m venv $(VENV)))
 
-.PHONY: run install watch test test-long format lock audit clean
+.PHONY: run install watch test test-long format docs lock audit clean
 .NOTPARALLEL:
 
 run: $(VENV)/.run
@@ -58,6 +59,10 @@ format: $(VENV)/.test
 	$(BIN)/ruff check --fix .
 	$(BIN)/ruff format .
 
+# The notice says that version 2 of MkDocs will differ; pyproject.toml keeps it below.
+docs: $(VENV)/.test
+	NO_MKDOCS_2_WARNING=1 $(BIN)/mkdocs build --strict
+
 # Keeps what is locked already, unless it is told to upgrade; --universal: one file for every system and Python.
 lock: $(TOOLS)/.made
 	$(TOOLS)/bin/uv pip compile --universal --python-version 3.11 --all-extras --no-emit-index-url \
@@ -68,7 +73,7 @@ audit: $(TOOLS)/.made
 	$(TOOLS)/bin/pip-audit --strict --no-deps --disable-pip --requirement requirements.lock
 
 clean:
-	rm -rf $(VENV) $(TOOLS) dist build .mypy_cache .pytest_cache .ruff_cache .hypothesis
+	rm -rf $(VENV) $(TOOLS) dist build site .mypy_cache .pytest_cache .ruff_cache .hypothesis
 
 $(VENV)/.run: pyproject.toml $(LOCK)
 	$(make_venv)

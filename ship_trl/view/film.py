@@ -30,6 +30,8 @@ LAST_SECONDS = 2.0
 STEPS_PER_SECOND = 10
 # Colours of a GIF. They are chosen from its first frames, and from exact ones that must not be averaged.
 COLOURS, SAMPLED_FRAMES = 128, 20
+# Pillow looks up the nearest colour of a palette for cubes of this side: for their darkest corner.
+PILLOW_CUBE = 4
 SCENE = (scene.OUTSIDE, scene.DISC, scene.GOAL_CIRCLE, scene.SAFE_CIRCLE, scene.OWN, scene.LINE, scene.TARGET)
 EXACT = (*SCENE, GOAL_MARK, *OUTCOMES.values())
 
@@ -84,17 +86,23 @@ def write_film(path: Path, frames: Iterator[pygame.Surface], frames_per_second: 
 
 def _write_gif(path: Path, frames: Iterator[pygame.Surface], frames_per_second: float) -> None:
     """Write a GIF whose frames share one palette: then pixels that do not change cost no bytes."""
+
+    def index(picture: Image.Image) -> Image.Image:
+        indexed = picture.quantize(palette=corners, dither=Image.Dither.NONE)
+        indexed.putpalette(colours)
+        return indexed
+
     pictures = (Image.fromarray(pen.to_array(frame)) for frame in frames)
     first = list(islice(pictures, SAMPLED_FRAMES))
     samples = [np.asarray(first[k]) for k in (0, len(first) // 2, -1)]
     # An octree keeps small bright things; median cut would give their colours to shades of water.
     octree = Image.Quantize.FASTOCTREE
     shades = Image.fromarray(np.concatenate(samples)).quantize(COLOURS - len(EXACT), method=octree)
-    shared = Image.new("P", (1, 1))
-    shared.putpalette([*chain(*EXACT), *(shades.getpalette() or [])])
-    indexed = (
-        picture.quantize(palette=shared, dither=Image.Dither.NONE) for picture in chain(first, pictures)
-    )
+    colours = [*chain(*EXACT), *(shades.getpalette() or [])]
+    # An exact colour is found if the palette of the search has the corner of its cube.
+    corners = Image.new("P", (1, 1))
+    corners.putpalette([number - number % PILLOW_CUBE for number in colours])
+    indexed = map(index, chain(first, pictures))
     milliseconds = round(1000 / frames_per_second)
     with atomic_write(path) as draft:
         # Encode in memory: on a full disk Pillow would raise only "encoder error -2".

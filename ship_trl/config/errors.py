@@ -51,9 +51,9 @@ def explain(error: OmegaConfBaseException) -> str:
 def missing_extra(package: str, extra: str) -> str:
     """Return the message that a package is not installed, with the command that installs its extra."""
     is_checkout = (PACKAGE.parent / "pyproject.toml").is_file()
-    # No index has this package.
-    where, how = ("", "-e ") if is_checkout else (" in a checkout", "")
-    return f"{package} is not installed; run{where}: pip install {how}'.[{extra}]'"
+    # No index needs to have this package: pip takes the one that is installed.
+    what = "-e '." if is_checkout else f"'{PACKAGE.name}"
+    return f"{package} is not installed; run: pip install {what}[{extra}]'"
 
 
 def print_error(line: str) -> None:

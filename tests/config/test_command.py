@@ -7,7 +7,8 @@ from hydra.core.override_parser.overrides_parser import OverridesParser
 from hypothesis import example, given
 from hypothesis import strategies as st
 
-from ship_trl.config.errors import command, override
+from ship_trl.config import errors
+from ship_trl.config.errors import command, missing_extra, override
 from tests.pasted import ODD, pasted
 
 words = st.text(st.characters(codec="utf-8", exclude_categories=["Cc", "Cs"]), min_size=1, max_size=12)
@@ -44,3 +45,11 @@ def test_plain_words_are_not_quoted(text: str) -> None:
 def test_a_path_looks_like_no_flag_and_like_no_key(folder: str) -> None:
     (word,) = pasted(command(Path(folder)))
     assert word[0] == "." and Path(word) == Path(folder)
+
+
+def test_an_extra_is_installed_from_the_checkout_or_for_the_wheel(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    assert missing_extra("onnx", "onnx").endswith("; run: pip install -e '.[onnx]'")
+    monkeypatch.setattr(errors, "PACKAGE", tmp_path / "ship_trl")
+    assert missing_extra("onnx", "onnx").endswith("; run: pip install 'ship_trl[onnx]'")

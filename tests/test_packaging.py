@@ -2,9 +2,11 @@
 
 import configparser
 import os
+import re
 import shutil
 import subprocess
 import sys
+from importlib.metadata import PathDistribution
 from pathlib import Path
 
 import pytest
@@ -77,6 +79,13 @@ def test_console_script_is_the_module(installed: Path) -> None:
     points = configparser.ConfigParser()
     points.read(installed / f"ship_trl-{ship_trl.__version__}.dist-info" / "entry_points.txt")
     assert dict(points["console_scripts"]) == {"ship-trl": "ship_trl.__main__:main"}
+
+
+def test_the_description_is_the_readme_without_what_only_a_checkout_has(installed: Path) -> None:
+    about = PathDistribution(installed / f"ship_trl-{ship_trl.__version__}.dist-info").metadata
+    text = str(about.get_payload())
+    assert about["Description-Content-Type"] == "text/markdown" and text.strip().startswith("# ship_trl\n")
+    assert not re.search(r"\]\((?!https:)|<img|<source", text)
 
 
 def test_wheel_runs_the_main_line(installed: Path, tmp_path: Path) -> None:

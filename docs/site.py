@@ -27,7 +27,7 @@ def on_files(files: Files, config: MkDocsConfig) -> Files:
     for file in [one for one in files if one.src_dir == config.docs_dir]:
         files.remove(file)
     found = linked([README], sorted((ROOT / "docs").glob("*.md")))
-    for path in [*found, ROOT / "docs/site.css"]:
+    for path in [*found, *(ROOT / LESSONS).glob("pictures/*"), ROOT / "docs/site.css"]:
         files.append(File(name_of(path), str(ROOT), config.site_dir, config.use_directory_urls))
     lessons = {f"{LESSONS}/{path.stem}.md": path for path in sorted((ROOT / LESSONS).glob("*.py"))}
     rooms = {f"api/{room or 'ship_trl'}.md": room for room in ROOMS}
@@ -51,7 +51,9 @@ def on_files(files: Files, config: MkDocsConfig) -> Files:
 def on_page_markdown(markdown: str, *, page: Page, config: MkDocsConfig, files: Files) -> str:
     """Let links to a lesson's program lead to its page."""
     del page, config, files
-    return re.sub(rf"({LESSONS}/\w+)\.py\)", r"\1.md)", markdown)
+    for path in (ROOT / LESSONS).glob("*.py"):
+        markdown = markdown.replace(f"{path.name})", f"{path.stem}.md)")
+    return markdown
 
 
 def name_of(path: Path) -> str:

@@ -19,14 +19,10 @@ PICTURE = 84
 OWN_NUMBERS, SHIP_NUMBERS = 5, 10
 # Episodes and steps only take time: a run of a billion would take years.
 MAX_COUNT, MAX_DRAWS = 10**9, 10**6
-# At this number of steps the planner's table of returns takes 2.3 GB; it tries all actions at each.
+# At this number of steps the planner's table of returns takes 2.3 GB.
 MAX_STEPS, MAX_ACTIONS = 1000, 100
 # Seconds of a step; m/s of own ship; metres of a radius or a coordinate.
 MIN_STEP_SECONDS, MAX_STEP_SECONDS, MAX_SPEED, MAX_DISTANCE = 1e-3, 1e3, 1e3, 1e5
-# Transitions of the replay: two states with eight target ships, 406 bytes each, take 4 GB.
-MAX_REPLAY = 10**7
-# Pictures that are computed at once: the paper's network takes about 0.1 MB of maps for each.
-MAX_BATCH = 30_000
 MAX_REWARD_COEFFICIENT = 1e6
 # Adam's steps are about as large as the learning rate.
 MAX_LEARNING_RATE, MAX_REWARD_SCALE, MAX_HUBER_DELTA = 1.0, 1e3, 1e9

@@ -9,6 +9,7 @@ from __future__ import annotations
 import dataclasses
 import importlib
 import importlib.util
+import math
 import sys
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
@@ -19,10 +20,20 @@ from omegaconf import DictConfig
 
 from ship_trl.config.arm import BODY, HEAD, SourceWeights, forms
 from ship_trl.config.errors import ConfigError, missing_extra, require
-from ship_trl.config.network import geometry, supports_incremental
+from ship_trl.config.network import count_numbers, geometry, linear_from, supports_incremental
 from ship_trl.config.paths import PACKAGE
 from ship_trl.config.schema import read_as
 from ship_trl.config.types import BackendName, Config, Learn, bfloat16_allowed, trackers_of
+
+# Bytes that each of a run's weights, batches, replay and planner may take.
+MAX_BYTES = 2**33
+# A weight has a gradient, Adam's two means, and its copy in the target network. A map is held forward and
+# backward. A transition has two states of eight target ships.
+WEIGHT_BYTES, MAP_BYTES, TRANSITION_BYTES = 20, 12, 406
+# The planner tries each motion from that many rows a step, at 96 angles.
+MOTION_BYTES = 2 * 96 * 200
+# Metres of an episode, up to which 32-bit numbers still resolve decimetres.
+MAX_WAY = 1e6
 
 
 @dataclass(frozen=True)
@@ -35,6 +46,7 @@ class Reads:
         is_default: whether files and digests leave it out.
         is_on_policy: whether it learns from its own actions alone, without replay and Q-values.
         is_distilled: whether it learns the Q-values of a teacher.
+        batch_key: its own key of a batch's size, in place of `learn.batch_size`.
         unnamed_without: its own keys that files and digests leave out where the key before them is 0.
     """
 
@@ -43,6 +55,7 @@ class Reads:
     is_default: bool = False
     is_on_policy: bool = False
     is_distilled: bool = False
+    batch_key: str = ""
     unnamed_without: Mapping[str, tuple[str, ...]] = field(default_factory=dict)
 
 
@@ -59,6 +72,7 @@ def to_config(values: DictConfig) -> Config:
     check_network(config)
     check_logger(config.logger)
     check_arm(config)
+    check_memory(config)
     check_algorithm(config)
     return config
 
@@ -131,6 +145,35 @@ def check_network(config: Config) -> None:
             require(is_possible, "learn.backend", f"auto or dense with {with_what}", "incremental")
     if not config.fast:
         learn.backend = BackendName.dense
+
+
+def check_memory(config: Config) -> None:
+    """Check by an estimate that weights, batches, replay and the planner of a run fit into memory."""
+    learn, network, layers, world = config.learn, config.network, geometry(config.network), config.world
+    weights, maps = count_numbers(network, 3 if config.colour else 1)
+    own, frozen = reads_of(config.algorithm).batch_key, config.arm.frozen_layers
+    batch = (f"algorithm.{own}", config.algorithm[own]) if own else ("learn.batch_size", learn.batch_size)
+    transition = TRANSITION_BYTES + 8 * network.inputs * bool(network.linear)
+    is_dense = config.device != "cpu" or learn.backend is BackendName.dense
+    if layers and frozen >= linear_from(layers) and supports_incremental(layers) and not is_dense:
+        # The replay holds features of both states too, two bytes a number.
+        transition += 4 * layers[frozen - 1].filters * layers[frozen - 1].side ** 2
+    motions = len(world.actions)
+    if world.turn_time or world.speed_time:
+        motions = math.prod(len(set(column)) for column in zip(*world.actions, strict=True))
+    check_bytes(f"network.{'linear' if network.linear else 'conv'}", weights, "weights", WEIGHT_BYTES)
+    check_bytes("learn.num_envs", learn.num_envs, "observations", MAP_BYTES * maps)
+    check_bytes(*batch, "observations", MAP_BYTES * maps)
+    check_bytes("learn.replay_size", learn.replay_size, "transitions", transition)
+    check_bytes("world.actions", motions, "motions", MOTION_BYTES * world.max_steps)
+    way = max(abs(speed) for speed, _ in world.actions) * world.dt * world.max_steps
+    require(way <= MAX_WAY, "world.actions", f"at most {MAX_WAY:g} m in an episode", f"{way:g}")
+
+
+def check_bytes(key: str, number: int, things: str, size: int) -> None:
+    """Check that a number of things of `size` bytes each fits into memory."""
+    allowed = f"at most {MAX_BYTES // size} {things} ({MAX_BYTES >> 30} GB, {size} bytes each)"
+    require(number * size <= MAX_BYTES, key, allowed, number)
 
 
 def check_logger(logger: str) -> None:

@@ -89,6 +89,18 @@ def linear_sizes(network: Network) -> list[tuple[int, int]]:
     return sizes
 
 
+def count_numbers(network: Network, channels: int) -> tuple[int, int]:
+    """Return the number of weights, and an upper bound of the numbers in all maps of one observation."""
+    if network.linear:
+        weights = sum(below * width for below, width in linear_sizes(network))
+        return weights, network.inputs + network.ships * sum(network.linear)
+    weights, maps, below = 0, channels * PICTURE**2, channels
+    for layer in geometry(network):
+        weights += below * layer.filters * layer.kernel**2
+        maps, below = maps + layer.filters * layer.side**2, layer.filters
+    return weights + below * network.hidden, maps
+
+
 def linear_from(layers: Geometry) -> int:
     """Return the index of the first linear layer after the first layer: 3 in the paper's network."""
     return next((n for n, layer in enumerate(layers) if n > 0 and layer.whole), len(layers))

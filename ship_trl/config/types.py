@@ -37,7 +37,6 @@ def trackers_of(logger: str) -> list[str]:
     return ["csv", *(name for name in others if name != "wandb" or not is_disabled)]
 
 
-BatchSize = Annotated[int, Field(ge=1, le=bounds.MAX_BATCH)]
 Loss = StrEnum("Loss", ["l2", "huber"])
 # What the rules ask of own ship towards a target ship: keep clear of it, or hold its course.
 EncounterClass = StrEnum("EncounterClass", ["head_on", "give_way", "stand_on", "overtaking", "overtaken"])
@@ -197,11 +196,11 @@ class Learn:
     """
 
     episodes: bounds.Count
-    num_envs: BatchSize
+    num_envs: bounds.Count
     evaluate_every: bounds.Count
     evaluate_episodes: Annotated[int, Field(ge=1, le=bounds.MAX_DRAWS)]
     jumpstart_draws: Annotated[int, Field(ge=0, le=bounds.MAX_DRAWS)]
-    replay_size: Annotated[int, Field(ge=1, le=bounds.MAX_REPLAY)]
+    replay_size: bounds.Count
     warmup_steps: Annotated[int, Field(ge=0, le=bounds.MAX_COUNT)]
     epsilon_start: bounds.Share
     epsilon_end: bounds.Share
@@ -209,7 +208,7 @@ class Learn:
     gamma: bounds.Share
     lr: bounds.LearningRate
     lr_end: bounds.LearningRate
-    batch_size: BatchSize
+    batch_size: bounds.Count
     update_every: bounds.Count
     tau: bounds.PositiveShare
     loss: Loss

@@ -10,19 +10,15 @@ from typing import Annotated, Any
 
 from pydantic import Field
 
-from ship_trl.config.bounds import MAX_STEPS, Count, PositiveShare, Share
-from ship_trl.config.checks import Reads
-from ship_trl.config.errors import ConfigError
+from ship_trl.config.bounds import MAX_COUNT, MAX_STEPS, Count, PositiveShare, Share
+from ship_trl.config.checks import TRANSITION_BYTES, Reads, check_bytes
+from ship_trl.config.errors import require
 from ship_trl.config.paths import is_path
 from ship_trl.config.schema import rule
 from ship_trl.config.types import Learn
 
 TEACHERS = "a safetensors file, a result folder, or pretrained:NAME"
 TeacherName = Annotated[Any, rule(TEACHERS, lambda name: isinstance(name, str) and is_path(name))]
-# Steps of each environment that are held in memory; pictures that are computed at once.
-MAX_ROLLOUT_STEPS, MAX_MINIBATCH = 100_000, 10_000
-# Steps of all environments in a rollout; with eight target ships they take 4 GB.
-MAX_ROLLOUT = 10_000_000
 
 
 @dataclass
@@ -45,9 +41,9 @@ class PPO:
     `imitation_start`, a share of the episodes, it also imitates the best episode from each start.
     """
 
-    rollout_steps: Annotated[int, Field(ge=2, le=MAX_ROLLOUT_STEPS)]
+    rollout_steps: Annotated[int, Field(ge=2, le=MAX_COUNT)]
     epochs: Count
-    minibatch_size: Annotated[int, Field(ge=1, le=MAX_MINIBATCH)]
+    minibatch_size: Count
     clip_epsilon: Annotated[float, Field(gt=0, le=1)]
     gae_lambda: Share
     entropy_coeff: Annotated[float, Field(ge=0, le=1)]
@@ -58,16 +54,11 @@ class PPO:
 
     def check(self, learn: Learn) -> None:
         """Check that a rollout fits into memory, and holds a minibatch."""
-        most, environments = (
-            self.rollout_steps * learn.num_envs,
-            f"learn.num_envs={learn.num_envs} environments",
-        )
-        if most > MAX_ROLLOUT:
-            allowed = f"at most {MAX_ROLLOUT // learn.num_envs} (with {environments})"
-            raise ConfigError(f"algorithm.rollout_steps: must be {allowed}, got {self.rollout_steps}")
-        if self.minibatch_size > most:
-            allowed = f"at most {most} (rollout_steps of {environments})"
-            raise ConfigError(f"algorithm.minibatch_size: must be {allowed}, got {self.minibatch_size}")
+        step_bytes = learn.num_envs * TRANSITION_BYTES
+        check_bytes("algorithm.rollout_steps", self.rollout_steps, "steps", step_bytes)
+        most = self.rollout_steps * learn.num_envs
+        allowed = f"at most {most} (rollout_steps of learn.num_envs={learn.num_envs} environments)"
+        require(self.minibatch_size <= most, "algorithm.minibatch_size", allowed, self.minibatch_size)
 
 
 @dataclass
@@ -90,6 +81,7 @@ READS = {
     "ppo": Reads(
         PPO,
         is_on_policy=True,
+        batch_key="minibatch_size",
         ignored=(
             *("learn.batch_size", "learn.update_every", "learn.tau", "learn.loss", "learn.huber_delta"),
             *("learn.replay_size", "learn.warmup_steps"),

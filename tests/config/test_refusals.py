@@ -18,6 +18,8 @@ from ship_trl.study.plan import to_study
 from tests.command import ship_trl
 from tests.config.test_config import HIGH, composed
 
+# With lags own ship may have any speed of them with any rate of turn: 225 motions.
+ACTIONS = f"[{','.join(f'[{k},{k / 100}]' for k in range(1, 16))}]"
 WRONG = {
     "": "pair: none given",
     "+pair=high": "layers: must be 1, 2, 3, 4, all, head, body with method=finetune, got none; arm=NAME sets",
@@ -72,6 +74,18 @@ WRONG_VALUES = {
     "observation=vector network.ships=0": "network.ships: must be given with network.linear, got 0",
     "observation=vector +network.vector_time=8": "network.vector_time: must be left out with network.linear",
     "+network.ships=3": "network.ships: must be left out without network.linear, got 3",
+}
+WRONG_VALUES |= {
+    "learn.replay_size=1000000000": "learn.replay_size: must be at most 21157474 transitions (8 GB, 406 byte",
+    "observation=vector learn.replay_size=100000000": "learn.replay_size: must be at most 12521770 transi",
+    "method=feature_extraction learn.replay_size=2000000": "learn.replay_size: must be at most 663315 trans",
+    "learn.num_envs=1000000": "learn.num_envs: must be at most 25226 observations (8 GB, 340512 byt",
+    "learn.batch_size=30000 learn.replay_size=30000": "learn.batch_size: must be at most 25226 observations",
+    "network.conv=[[4096,1,1],[4096,84,1]] layers=2": "network.conv: must be at most 429496729 weights ",
+    "algorithm=ppo algorithm.minibatch_size=40000 algorithm.rollout_steps=10000": "algorithm.minibatch_size",
+    "algorithm=ppo algorithm.rollout_steps=100000000": "algorithm.rollout_steps: must be at most ",
+    f"world.turn_time=4 world.max_steps=1000 world.actions={ACTIONS}": "world.actions: must be at most 223",
+    "world.dt=100 world.max_steps=1000": "world.actions: must be at most 1e+06 m in an episode, got 1.5e+0",
 }
 
 

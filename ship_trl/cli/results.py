@@ -195,13 +195,13 @@ Metrics of transfer from learning curves of any library:
     python -m ship_trl results scratch='logs/scratch/*/monitor.csv' FT3='logs/ft3/*/monitor.csv'
     python -m ship_trl results scratch='outputs/high/scratch/*/curve.csv' FT3='outputs/high/FT3/*/curve.csv'
 
-FILE is Stable-Baselines3's monitor.csv or progress.csv, TensorBoard's event file or exported scalars, a
-curve.csv of ours, or a table with columns step, return and, for several runs, seed. Steps are environment
-steps of all workers. A FILE with * names several files, with ** in folders at any depth; each is a run, but
-0.monitor.csv, 1.monitor.csv and so on in one folder are workers of one run, and event files in one folder are
-one resumed run. A run must begin near step 0. The first arm is the baseline. Returns are scaled to scores
-from --low to --high, by default random actions and the best known plan (runs of ours say both), else the
-extremes of all runs. Less time and forgetting are better; the other metrics are better when larger.
+FILE is Stable-Baselines3's monitor.csv, progress.csv or evaluations.npz, TensorBoard's event file or exported
+scalars, a curve.csv of ours, or a table with columns step, return and, for several runs, seed. Steps are
+environment steps of all workers. A FILE with * names several files, with ** in folders at any depth; each is
+a run, but 0.monitor.csv, 1.monitor.csv and so on in one folder are workers of one run, and event files in one
+folder are one resumed run. A run must begin near step 0. The first arm is the baseline. Returns are scaled to
+scores from --low to --high, by default random actions and the best known plan (runs of ours say both), else
+the extremes of all runs. Less time and forgetting are better; the other metrics are better when larger.
 """
 Return = Annotated[float, Field(ge=-1e9, le=1e9)]
 # In the steps that all runs have.

@@ -1,13 +1,14 @@
 """Read learning curves of other libraries: returns over environment steps. No torch.
 
-Known are Stable-Baselines3's `monitor.csv` and `progress.csv`, scalars of TensorBoard (as CleanRL writes
-them: event files, or the CSV that TensorBoard exports), our `curve.csv`, and tables with a row for each run,
-step and return.
+Known are Stable-Baselines3's `monitor.csv`, `progress.csv` and `evaluations.npz`, scalars of TensorBoard (as
+CleanRL writes them: event files, or the CSV that TensorBoard exports), our `curve.csv`, and tables with a row
+for each run, step and return.
 """
 
 from __future__ import annotations
 
 import codecs
+import io
 import json
 import math
 import re
@@ -32,6 +33,8 @@ if TYPE_CHECKING:
 # with the environment steps as a scalar of their own.
 OURS, STEPS = "train/return", "train/steps"
 TAGS = ("charts/episodic_return", "rollout/ep_rew_mean", OURS)
+# How TensorBoard names the CSV of a tag.
+OTHER_TAG = re.compile(r"-tag-(?!charts.episodic_return|rollout.ep_rew_mean)")
 # Names of columns, in small letters. A table has one of each kind.
 NAMES = {
     "step": ("step", "steps", "global_step", "timesteps", "total_timesteps", "time/total_timesteps", STEPS),
@@ -49,7 +52,8 @@ SUCCESS = "greedy_success_rate"
 MAX_RETURN = 1e9
 EVENTS = "events.out.tfevents"
 KINDS = (
-    "a monitor.csv or progress.csv, a TensorBoard file, a curve.csv, or a table with columns step and return"
+    "a monitor.csv, progress.csv or evaluations.npz, a TensorBoard file, a curve.csv, "
+    "or a table with columns step and return"
 )
 
 Numbers = NDArray[np.float64]
@@ -91,6 +95,8 @@ def read_logs(paths: Sequence[Path], key: str) -> list[LearningCurve]:
         if EVENTS in run.name or run.name == WORKERS:
             read = read_events if EVENTS in run.name else read_workers
             found.append(make_curve(name, read(files, key)))
+        elif run.suffix == ".npz":
+            found.append(read_evaluations(files[0], key))
         else:
             found += read_csv(files[0], key)
     for curve in found:
@@ -107,6 +113,22 @@ def make_curve(name: str, points: Numbers) -> LearningCurve:
     """Make the curve of points [N, 2] of steps and returns; NaN at the beginning means no return yet."""
     begun = np.maximum.accumulate(~np.isnan(points[:, 1]))
     return LearningCurve(name, points[begun, 0], points[begun, 1])
+
+
+def read_evaluations(path: Path, key: str) -> LearningCurve:
+    """Read the mean returns and the success rates of Stable-Baselines3's EvalCallback."""
+    try:
+        packed = io.BytesIO(read_file(path))
+        with np.load(packed, allow_pickle=False) as arrays:  # noqa: TID251
+            # It does not compress: a compressed array may be too large for memory.
+            if any(one.compress_type for one in arrays.zip.infolist()):
+                raise ValueError("it is compressed")
+            steps, returns = (np.asarray(arrays[name], np.float64) for name in ("timesteps", "results"))
+            rates = np.asarray(arrays["successes"], np.float64).mean(1) if "successes" in arrays else []
+        points = np.column_stack((steps, returns.mean(1)))
+    except Exception as error:  # numpy and zipfile raise many kinds
+        raise ConfigError(f"{key}: {path} cannot be read ({error}); allowed: {KINDS}") from None
+    return replace(make_curve(str(path), points), success_rates=np.asarray(rates, np.float64))
 
 
 def read_cells(path: Path, key: str) -> tuple[str, pd.DataFrame]:
@@ -189,6 +211,8 @@ def read_csv(path: Path, key: str) -> list[LearningCurve]:
     over_episodes = reward.strip().lower() == OURS and step.strip().lower() != STEPS
     if over_episodes or re.search("tag-(train|greedy).return", path.name):
         raise ConfigError(f"{key}: {path} counts episodes; allowed: the run's {CURVE}")
+    if OTHER_TAG.search(path.name):
+        raise ConfigError(f"{key}: {path} has another scalar than {TAGS[0]} or {TAGS[1]}; allowed: {KINDS}")
     # Blank are the evaluations of a `curve.csv`, and what a logger wrote at other steps.
     filled = cells[cells[reward] != ""]
     by_run = filled.groupby(columns["run"], sort=False) if columns["run"] else [(("",), filled)]

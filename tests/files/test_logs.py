@@ -10,7 +10,9 @@ import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
+from stable_baselines3 import DQN
 from stable_baselines3.common import logger
+from stable_baselines3.common.callbacks import EvalCallback
 from stable_baselines3.common.monitor import Monitor, load_results
 from stable_baselines3.common.vec_env import DummyVecEnv
 from tensorboard.backend.event_processing.event_accumulator import EventAccumulator
@@ -180,6 +182,45 @@ def test_what_a_logger_writes_is_read_from_both_files() -> None:
     assert read(*Path("sb3").glob(f"{EVENTS}*")) == wanted
 
 
+class Bandit(gymnasium.Env):
+    """Episodes of one step; the return is the action, and 1 is a success."""
+
+    observation_space = gymnasium.spaces.Box(0, 1, (1,))
+    action_space = gymnasium.spaces.Discrete(2)
+
+    def reset(self, *, seed: int | None = None, options: dict[str, object] | None = None) -> object:
+        super().reset(seed=seed)
+        return np.zeros(1, np.float32), {}
+
+    def step(self, action: int) -> tuple[object, float, bool, bool, dict[str, object]]:
+        return np.zeros(1, np.float32), float(action), True, False, {"is_success": bool(action)}
+
+
+def test_evaluations_are_read_as_their_writer_measured_them() -> None:
+    callback = EvalCallback(Monitor(Bandit()), eval_freq=8, n_eval_episodes=3, log_path="sb3", verbose=0)
+    DQN("MlpPolicy", Bandit(), learning_starts=4, train_freq=4, verbose=0, seed=0).learn(32, callback)
+    kept = np.load("sb3/evaluations.npz")
+    (curve,) = read_logs([Path("sb3/evaluations.npz")], "arm")
+    assert curve.steps.tolist() == kept["timesteps"].tolist() == [8, 16, 24, 32]
+    assert curve.returns.tolist() == kept["results"].mean(1).tolist() == curve.success_rates.tolist()
+    assert curve.returns[-1] == callback.last_mean_reward
+
+
+def test_other_arrays_are_refused() -> None:
+    steps, pickled = np.arange(3), np.array([{}, 1, 2], object)
+    np.savez("other.npz", timesteps=steps, rewards=steps)
+    np.savez("flat.npz", timesteps=steps, results=steps)
+    np.savez("short.npz", timesteps=steps, results=np.zeros((2, 5)))
+    np.savez("pickled.npz", timesteps=steps, results=pickled)
+    np.savez_compressed("packed.npz", timesteps=steps, results=np.zeros((3, 5)))
+    np.save("one", steps)
+    Path("one.npy").rename("one.npz")
+    Path("cut.npz").write_bytes(Path("flat.npz").read_bytes()[:-9])
+    Path("text.npz").write_text("step,return")
+    for path in sorted(Path().glob("*.npz")):
+        assert f"{path} cannot be read (" in told(path)
+
+
 MONITOR = '#{"t_start": 1.5, "env_id": "x"}\nr,l,t\n1.5,10,0.1\n2.5,30,0.4\n'
 
 
@@ -215,6 +256,7 @@ def test_known_files_are_read(text: str, wanted: list[tuple[list[float], list[fl
         ("t.csv", "\x00", "t.csv"),
         ("monitor.csv", "#{}\nr,l,t\n1,10,1\n2,10,2\n3,1,4", "monitor.csv cannot be read (line 5 is cut)"),
         ("curve.csv", "steps,return\n10,1\n20,2\n30,3", "curve.csv cannot be read (line 4 is cut)"),
+        ("run-x-tag-losses_loss.csv", "Wall time,Step,Value\n1,1,2\n2,2,2\n", "has another scalar than"),
         ("w.csv", '"Step","a/0 - train/return"\n1,2\n', "has Step, a/0 - train/return; allowed: a"),
     ],
 )  # fmt: skip

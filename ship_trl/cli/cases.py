@@ -36,7 +36,7 @@ from ship_trl.transfer.casebase import CaseBase, rank
 from ship_trl.transfer.similarity import MEASURES, describe_similarity, distance, similarity
 
 DEFAULT = "paper,ship"
-# Sources and transfers listed for a target, and cases drawn in rows and compared in a matrix.
+# Sources and transfers listed for a target, and cases compared in a matrix.
 MAX_SHOWN, MAX_ROWS = 12, 8
 # Cases that are listed and drawn, and pictures of random encounters.
 MAX_PICTURES, EXAMPLES = 60, 20
@@ -93,18 +93,16 @@ def main(arguments: list[str] | None = None) -> None:
 
 
 def draw(path: Path, cases: dict[str, Case], traffic: Suite | None, world: World) -> None:
-    """Write a row of pictures for each case, or a page of small ones of many or of random encounters."""
+    """Write a page with a picture of each case, or of random encounters."""
     import torch
 
     from ship_trl.fast.worlds import draw_starts
     from ship_trl.sim.state import initial_state
-    from ship_trl.view.pages import write_case_page, write_contact_sheet
+    from ship_trl.view.pages import write_case_page
 
     if traffic is not None:
         states = draw_starts(traffic, world, EXAMPLES, 0)
         write_case_page(path, [f"seed {seed}" for seed in range(EXAMPLES)], states, world)
-    elif len(cases) <= MAX_ROWS:
-        write_contact_sheet(path, list(cases.values()), world)
     else:
         places = max(len(case.target_ships) for case in cases.values())
         states = torch.stack([initial_state(case, world, places) for case in cases.values()])

@@ -39,6 +39,9 @@ def main(arguments: list[str] | None = None) -> None:
     add_output(parser, "--output", (".gif", ".mp4", ""), "film: .gif, .mp4, or a folder of PNG")
     add_output(parser, "--trajectories", (".png",), "chart of all paths")
     parser.add_argument("--compare", action="store_true", help="two policies side by side")
+    parser.add_argument(
+        "--maps", action="store_true", help="the maps of all episodes at once, in large letters"
+    )
     parser.add_argument("--saliency", action="store_true", help="the pixels on which the highest Q depends")
     add_size(parser, "1280x720", "of the film")
     add_number(parser, "--fps", FrameRate, None, "frames a second; default: 10, of an MP4 30")
@@ -91,11 +94,11 @@ def record_film(entries: list[Entry], options: Namespace) -> None:
     from ship_trl.view.film import draw_film, write_film
     from ship_trl.view.window import distinct_policies
 
-    acts = [[entry] for entry in entries]
+    acts = [entries] if options.maps else [[entry] for entry in entries]
     if options.compare:
         first, second = distinct_policies(entries, True)[:2]
         acts = [[first, replace(second, suite=first.suite)]]
-    look = Look(saliency=options.saliency)
+    look = Look(saliency=options.saliency, maps=options.maps)
 
     def frames() -> Iterator[Surface]:
         with show_share("episodes") as show:

@@ -221,11 +221,12 @@ SMALL = Arrangement((920, 520), COLUMNS, 446, 44, 0, 0)
 
 @dataclass(frozen=True)
 class Look:
-    """What to show: own ship in the middle, hulls as large as the network sees them, saliency."""
+    """What to show: own ship in the middle, hulls as large as the network sees them, saliency; maps alone."""
 
     relative: bool = False
     large: bool = False
     saliency: bool = False
+    maps: bool = False
 
 
 class Layout:

@@ -23,6 +23,7 @@ from ship_trl.sim.render import Rasteriser
 from ship_trl.view import pen
 from ship_trl.view.dashboard import SMALL, Look, draw_dashboard
 from ship_trl.view.episode import EpisodeView, measure_episode
+from ship_trl.view.maps import draw_maps
 from ship_trl.view.style import GOAL_MARK, OUTCOMES
 
 # Seconds for which the last picture of an episode stays.
@@ -39,15 +40,18 @@ EXACT = (*SCENE, GOAL_MARK, *OUTCOMES.values())
 def draw_film(
     views: Sequence[EpisodeView], look: Look, size: tuple[int, int], frames_per_second: float, speed: float
 ) -> Iterator[pygame.Surface]:
-    """Draw the frames of one episode, or of two side by side; each is a new surface.
+    """Draw the frames of one episode, or of two side by side, or many maps; each is a new surface.
 
     `speed` is simulated seconds per second of the film.
     """
     steps = max(view.telemetry.steps for view in views)
     advance = speed / frames_per_second / views[0].telemetry.world.dt
     for frame in range(math.ceil(steps / advance) + max(1, round(LAST_SECONDS * frames_per_second))):
-        surface = pen.new_surface(*size)
-        draw_dashboard(surface, views, min(frame * advance, float(steps)), look)
+        surface, position = pen.new_surface(*size), min(frame * advance, float(steps))
+        if look.maps:
+            draw_maps(surface, views, position)
+        else:
+            draw_dashboard(surface, views, position, look)
         yield surface
 
 

@@ -1,4 +1,4 @@
-"""Pages of small pictures, north up: starts of cases, paths of episodes, cases as the network sees them."""
+"""Pages of small pictures, north up: starts of cases, paths of episodes."""
 
 from __future__ import annotations
 
@@ -13,38 +13,27 @@ import torch
 from torch import Tensor
 
 from ship_trl.config.types import World
-from ship_trl.fast.worlds import make_rasteriser
 from ship_trl.learn.rollout import Episode
 from ship_trl.sim import scene
-from ship_trl.sim.cases import Case
 from ship_trl.sim.encounter import Encounter, are_ruled, classify, relative_motion
 from ship_trl.sim.state import (
     SHIP_COUNT,
     SHIP_Y,
     goal,
     goal_distance,
-    initial_state,
     position,
     target_ships,
 )
-from ship_trl.sim.transition import Transition
 from ship_trl.view import pen
 from ship_trl.view.episode import measure_episode
-from ship_trl.view.painter import (
-    VECTOR_TIME,
-    Projection,
-    draw_scene,
-    hull_length,
-    paint_scene,
-    still,
-)
+from ship_trl.view.painter import Projection, hull_length, paint_scene, still
 from ship_trl.view.style import BACKGROUND, FAINT, OUTCOMES, TEXT, YELLOW, Colour, circle_names, counted
 
 # Pixels around and between pictures, and of the sides of pictures.
 MARGIN, GAP = 16, 12
-START_SIDE, PATH_SIDE, SHEET_SIDE = 220, 140, 3 * scene.SIZE
-# Pictures in a row.
-STARTS, PATHS, SHEETS = 5, 8, 4
+MAX_START_SIDE, PATH_SIDE = 760, 140
+# Pixels in a row of starts, and pictures in a row.
+STARTS_WIDTH, STARTS, PATHS = 1148, 5, 8
 MAX_PATHS, MAX_TITLE = 48, 52
 # Seconds of the way ahead of a start: the ships of Imazu's problems meet after these.
 AHEAD = 20.0
@@ -59,8 +48,6 @@ CLASSES: dict[Encounter, tuple[str, Colour]] = {
     Encounter.OVERTAKEN: ("overtaken", (215, 140, 185)),
     Encounter.NONE: ("no encounter", FAINT),
 }
-# Steps between the two moments of a sheet: at the second one the ships of the paper's cases are near.
-SHEET_STEPS = 12
 # A line of text: its words, letters in pixels, and colour.
 Line = tuple[str, int, Colour]
 Cell = tuple[pygame.Surface, Sequence[Line]]
@@ -84,20 +71,22 @@ def class_captions(state: Tensor) -> list[Line]:
 def write_case_page(path: Path, names: Sequence[str], states: Tensor, world: World) -> None:
     """Write a PNG with a picture, a name and the encounter classes of each state [N, S].
 
-    All pictures have one scale, and the middle of the way from start to goal in the middle.
+    All pictures have one scale, and the middle of the way from start to goal in the middle; few are larger.
     """
     width = 2 * (max(map(_reach, states)) + AROUND_SCENES)
+    columns = min(STARTS, len(names))
+    side = min(MAX_START_SIDE, (STARTS_WIDTH + GAP) // columns - GAP)
     cells = [
-        (draw_start(state, world, START_SIDE, width), [(name, 16, TEXT), *class_captions(state)])
+        (draw_start(state, world, side, width), [(name, 16, TEXT), *class_captions(state)])
         for name, state in zip(names, states, strict=True)
     ]
-    (expected, safe), hull = circle_names(world), hull_length(world, START_SIDE / width)
+    (expected, safe), hull = circle_names(world), hull_length(world, side / width)
     scale = f"north up, width {width:.0f} m; hulls drawn {hull:.0f} m long; blue: goal, {expected}"
     footer = (
         f"{scale}; around own ship: {safe}",
         f"lines: {AHEAD:g} s ahead, in the colour of the class; classes by Pedersen's sectors",
     )
-    _write_page(path, cells, STARTS, footer)
+    _write_page(path, cells, columns, footer)
 
 
 def write_episode_page(
@@ -133,39 +122,6 @@ def write_episode_page(
         f"captions: end, time, least distance; blue: goal, {expected}; around own ship: {safe}",
     )
     _write_page(path, cells, PATHS, footer, header)
-
-
-def write_contact_sheet(path: Path, cases: Sequence[Case], world: World) -> None:
-    """Write a PNG with a row for each case, as people see it and as the network does.
-
-    A row has a picture of the start, and one after keeping course for `SHEET_STEPS` steps. The network's view
-    of this moment follows, in grey and in colour.
-    """
-    cells: list[Cell] = []
-    for case in cases:
-        start = initial_state(case, world)
-        later, straight = start[None], torch.tensor([world.straight_action])
-        for _ in range(SHEET_STEPS):
-            later = Transition(world)(later, straight).state
-        pictures = [draw_scene(world, state, SHEET_SIDE, start) for state in (start, later[0])]
-        for colour in (False, True):
-            seen = make_rasteriser(world, colour=colour)(later[0]).numpy()
-            pictures.append(pen.from_array(seen, SHEET_SIDE))
-        about: list[Line] = [(f"case {case.name}", 16, TEXT), (f"ideal path: {case.ideal_path}", 13, TEXT)]
-        captions = (
-            [*about, *class_captions(start)],
-            [(f"after {SHEET_STEPS * world.dt:g} s on this course", 13, FAINT)],
-            [(f"as the network sees it, {scene.SIZE} \N{MULTIPLICATION SIGN} {scene.SIZE}", 13, FAINT)],
-            [("the same in colour", 13, FAINT)],
-        )
-        cells += zip(pictures, captions, strict=True)
-    expected, safe = circle_names(world)
-    lengths = f"{scene.OWN_LENGTH:g} and {scene.TARGET_LENGTH:g} m"
-    footer = (
-        f"white: own ship; green: target ships; lines: {VECTOR_TIME:g} s ahead; blue: goal, {expected}",
-        f"the network sees hulls of {lengths}; around own ship, black: {safe}, red: {expected}",
-    )
-    _write_page(path, cells, SHEETS, footer)
 
 
 def _write_page(

@@ -32,6 +32,15 @@ def test_a_film_and_a_chart(tmp_path: Path, capsys: pytest.CaptureFixture[str]) 
     assert sorted(path.name for path in tmp_path.iterdir()) == ["film.gif", "paths.png"]
 
 
+def test_maps_of_several_cases_are_one_film(capsys: pytest.CaptureFixture[str]) -> None:
+    line = "keep_course target=1,2 --maps --size 640x400 --fps 2 --speed 20 --output film.gif"
+    main(line.split())
+    assert capsys.readouterr().out == "film.gif\n"
+    with Image.open("film.gif") as film:
+        # Equal frames are one; after 36 s nothing moves.
+        assert film.size == (640, 400) and getattr(film, "n_frames", 0) == 5
+
+
 def test_a_network_of_numbers_has_a_film_without_saliency(capsys: pytest.CaptureFixture[str]) -> None:
     network = make_network(load_network("vector"), 7, Generator().manual_seed(0))
     save_weights(Path("vector.safetensors"), network, {})

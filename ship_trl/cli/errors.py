@@ -12,8 +12,8 @@ from contextlib import contextmanager
 from traceback import walk_tb
 from typing import NoReturn
 
-from ship_trl.cli.help import MOVED, VERBS
-from ship_trl.config.errors import ConfigError, command, explain, print_error
+from ship_trl.cli.help import VERBS
+from ship_trl.config.errors import ConfigError, explain, print_error
 from ship_trl.files.disk import DISK
 
 
@@ -93,8 +93,6 @@ def check_words(words: list[str]) -> None:
     def refuse(message: str) -> NoReturn:
         raise ConfigError(f"{message}; keys are given without dashes, as target=4; see --help")
 
-    if words and (new := MOVED.get(words[0])):
-        raise ConfigError(f"{words[0]}: now {command(*new.split(), *words[1:])}")
     if words and re.fullmatch(r"[a-z]+", words[0]):
         raise ConfigError(f"{words[0]}: no such verb; allowed: {', '.join(VERBS)}, or overrides as target=4")
     # Python 3.14 checks each help; Hydra 1.3 has one that is no string, in its own parser too.

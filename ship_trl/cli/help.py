@@ -18,14 +18,6 @@ VERBS = {
     "study": "run a study, report it, ask it any contrast, keep its tables, compare its layers",
     "pretrain": "train the bundled networks again",
 }
-# Verbs of older versions, and what takes their place.
-MOVED = {
-    "report": "study report",
-    "ask": "study ask",
-    "keep": "study keep",
-    "layers": "study layers",
-    "metrics": "results",
-}
 
 HELP = """\
 ship_trl: transfer reinforcement learning in ship collision avoidance.
@@ -67,7 +59,7 @@ How
   --cfg job             print the configuration and stop
   --hydra-help          what Hydra adds
 
-Verbs: python -m ship_trl VERB --help, or ship-trl VERB --help
+Verbs: python -m ship_trl VERB --help, or ship-trl VERB --help. Words and codes: docs/glossary.md
 {verbs}
 """
 

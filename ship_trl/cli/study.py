@@ -81,9 +81,6 @@ HEADINGS = ("contrast", "estimate", "95 %", "seeds", "above zero", "beside")
 
 def main(arguments: list[str] | None = None) -> None:
     """Read the words and do what they say."""
-    if arguments and "=" in arguments[0]:
-        with refusals():
-            raise ConfigError(f"study: now {command('study', 'run', *arguments)}")
     parser = make_parser("study", __doc__)
     verbs = parser.add_subparsers(dest="verb", required=True, metavar="run|report|ask|keep|layers")
     run = verbs.add_parser("run", description=RUN, formatter_class=RawDescriptionHelpFormatter)

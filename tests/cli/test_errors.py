@@ -133,8 +133,6 @@ REFUSED = {
     "+pair=high +arm=FE9": "layers: must be 1, 2, 3, 4, head with method=feature_extraction, got 9",
     "-m +pair=high arm=glob(FE*)": "arm: no glob(FE*); allowed: scratch, or FE, FT",
     "algorithm=ppo algorithm.clip=1 target=4": "algorithm.clip: unknown key; allowed here: rollout_steps",
-    "report outputs/study": "report: now python -m ship_trl study report outputs/study",
-    "study profile=quick": "study: now python -m ship_trl study run profile=quick",
     "target=1 method=scratch ~network.conv.0": "overrides: Hydra cannot read them (",
     "target=1 method=scratch learn.lr.x=1": "learn.lr.x: unknown key; allowed here: ",
     "target=1 method=scratch +learn.lr=1": "learn.lr: it has a value; write learn.lr=VALUE",

@@ -27,13 +27,28 @@ TCPA, DCPA, MAX_SIZE, MIN_SPEED = 20.0, 100.0, 2.0, 1e-3
 class VectorObservation:
     """Observes states as numbers of about one: `observe(state)` maps float [..., S] to float32 [..., F].
 
-    F is 5 + 10 K: first distance of the goal, sine and cosine of its bearing, own speed and rate of turn,
-    then for each of the K nearest target ships, the nearest first: place ahead and to port, velocity relative
-    to own ship ahead and to port, distance, sine and cosine of the bearing, TCPA, DCPA with a sign, and 1.
-    All ten are zero where there is no ship. Metres are divided by the radius of the visible disc, m/s by the
-    highest speed of an action, rad/s by the highest rate of turn. Bearings are counter-clockwise from the
-    bow. TCPA and DCPA are divided by 20 s and 100 m, and end at 2 in size. DCPA is positive if the bearing of
-    the ship turns counter-clockwise; of a ship with own ship's velocity both are 0.
+    F is 5 + 10 K. Each number with what 1 stands for, and its range; the second group once for each of the K
+    nearest target ships, nearest first, and all zero where there is no ship:
+
+        distance of the goal | 640 m | from 0
+        sine of the goal's bearing | | -1 to 1, port positive
+        cosine of the goal's bearing | | -1 to 1, ahead positive
+        own speed | 15 m/s | 0 to 1
+        own rate of turn | 0.1 rad/s | -1 to 1, port positive
+
+        place ahead | 640 m | any, astern negative
+        place to port | 640 m | any, starboard negative
+        velocity ahead, less own ship's | 15 m/s | any
+        velocity to port, less own ship's | 15 m/s | any
+        distance | 640 m | from 0
+        sine of the bearing | | -1 to 1, port positive
+        cosine of the bearing | | -1 to 1, ahead positive
+        TCPA | 20 s | -2 to 2, past negative
+        DCPA | 100 m | -2 to 2, positive if the bearing turns counter-clockwise
+        whether there is a ship | | 0 or 1
+
+    Speeds and rates of turn are those of the fastest action; for a ship with own ship's velocity TCPA and
+    DCPA are 0.
 
     Args:
         world: speeds and rates of turn of the actions.

@@ -1,0 +1,32 @@
+"""docs/environment.md says what the code does."""
+
+from ship_trl.config.network import load_network
+from ship_trl.sim import scene
+from ship_trl.sim.render import Rasteriser
+from ship_trl.sim.vector import DCPA, TCPA, VectorObservation
+from tests.tables import PAGE, WORLD, fill, pixels, vector
+
+
+def test_the_tables_are_those_that_the_command_writes() -> None:
+    text = PAGE.read_text()
+    assert fill(text) == text
+
+
+def test_each_number_of_a_vector_has_a_meaning_in_the_unit_of_the_code() -> None:
+    rows = vector()[1:]
+    indices = [index for cell, *_ in rows for index in str(cell).split(", ")]
+    assert sorted(map(int, indices)) == list(range(load_network("vector").inputs))
+    observation = VectorObservation(WORLD, 3)
+    units = f"{scene.VIEW_RADIUS:g} m", f"{observation.max_speed:g} m/s", f"{observation.max_turn:g} rad/s"
+    assert {unit for _, _, unit, _ in rows} == {"", *units, f"{TCPA:g} s", f"{DCPA:g} m"}
+
+
+def test_the_greys_are_those_of_the_picture() -> None:
+    greys = {name: grey for name, grey, *_ in pixels()[1:]}
+    (picture,), middle = Rasteriser(WORLD).background.tolist(), scene.SIZE // 2
+    assert picture[0][0] == greys["outside of the disc"] and picture[middle][5] == greys["water"]
+    # Own ship's bow points up and is narrow.
+    assert picture[middle][middle] == greys["own ship"]
+    assert picture[middle - 2][middle + 1] == greys["safe distance"]
+    # Edges are blurred.
+    assert abs(picture[middle][middle + 3] - int(str(greys["expected distance"]))) < 10

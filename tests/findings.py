@@ -1,11 +1,11 @@
-"""`python -m tests.findings`: write the numbers of docs/findings.md and README.md from the kept tables.
+"""`python -m tests.findings`: write the numbers of docs/findings.md from the kept tables; check README.md.
 
-A page names a contrast in the words of `ship_trl study ask`, followed by its numbers, also across lines:
+The page names a contrast in the words of `ship_trl study ask`, followed by its numbers, also across lines:
 
     `high: FTW above scratch (area)` +0.06 (+0.02 to +0.11; greedy +0.17)
 
 In a table the heading may say where and the first cell what: `FTW above scratch (area)`. The command rewrites
-these numbers with as many decimals as the page has, and prints the sentences of `facts` that are not there.
+these numbers with as many decimals as the page has, and prints the facts that are not there.
 """
 
 from __future__ import annotations
@@ -26,11 +26,10 @@ from studies.paper.judge import Grade
 from tests.command import ROOT
 from tests.studies.paper.test_confirmatory import FOLDER, REPORT, SEEN
 
-PAGES = ("docs/findings.md", "README.md")
+PAGE, README = ROOT / "docs/findings.md", ROOT / "README.md"
 LONG = ROOT / "outputs/paper_high"
 PAIRS = {"high": "2", "low": "4", "lowest": "6"}
 ARMS = [f"{kind}{n}" for kind in ("FE", "FT") for n in (1, 2, 3, 4)] + ["FTW"]
-VERDICTS = ("supported", "contradicted", "equivalent")
 WORDS = ("none", "one", "two", "three", "four", "five", "six")
 NUMBER = r"[+-]\d+\.\d+"
 NUMBERS = rf"{NUMBER}\s+\({NUMBER}\s+to\s+{NUMBER}(?:;\s+greedy\s+{NUMBER})?\)"
@@ -70,17 +69,26 @@ def claims() -> pd.DataFrame:
 
 
 def verdicts() -> str:
-    """Return the sentences that say which claims have which verdict."""
+    """Return the words that say how many claims have which verdict."""
     found = claims().groupby("claim")["claim's verdict"].first()
-    names = {one: ", ".join(found.index[found == one]) or "none" for one in VERDICTS}
-    told = " ".join(f"{one.capitalize()}: {names[one]}." for one in VERDICTS)
-    return f"{told} Open: the other {(found == 'inconclusive').sum()}."
+    held, refuted = (WORDS[(found == verdict).sum()] for verdict in ("supported", "contradicted"))
+    undecided = (found == "inconclusive").sum()
+    return (
+        f"{held} of the paper's {len(found)} claims hold, {undecided} are undecided and {refuted} is refuted"
+    )
+
+
+def held() -> list[str]:
+    """Return the first cells of the table of claims that hold."""
+    rows = claims()
+    return [f"| {name} |" for name in rows.loc[rows["claim's verdict"] == "supported", "claim"].unique()]
 
 
 def facts(study: Study) -> list[str]:
     """Return the sentences of docs/findings.md that count something, from the tables."""
     return [
         verdicts(),
+        *held(),
         *of_claims(),
         *of_runs(),
         *of_arms(study),
@@ -162,17 +170,16 @@ def of_arms(study: Study) -> list[str]:
         "FE3 gains {:.0f} % of what could be gained in high, {:.0f} % in low, {:.0f} % in lowest".format(
             *(100 * share[f"{pair} FE3"] for pair in PAIRS)
         ),
-        f"Of {len(time)} arms of the pairs {WORDS[(time['low'] > 0).sum()]} are sooner than scratch:",
+        f"In {WORDS[(time['low'] > 0).sum()]} of {len(time)} arms:",
         f"{above} of {len(area)} arms of the pairs gain area, {below} lose",
-        f"{(parts['low'] > 0).sum()} of {len(parts)} such arms gain in training returns;",
-        f"it gains {' and '.join(whole.rsplit(', ', 1))} % of a smaller possible gain,",
+        f"{(parts['low'] > 0).sum()} of {len(parts)} arms of parts gain in training returns.",
+        f"In area FTW gains {' and '.join(whole.rsplit(', ', 1))} % of it,",
     ]
 
 
 def of_forests(study: Study) -> list[str]:
     """Return what FTW gains in greedy returns, and whose interval alone lies above the margin's share."""
     forests = measure_forests(study)
-    high, low, lowest = (f"{100 * forest.gains['FTW'].value:.0f} %" for forest in forests)
     margin = study.claims.margin or 0.0
     alone = set.intersection(
         *({arm for arm, one in forest.gains.items() if one.low > margin} for forest in forests)
@@ -181,10 +188,23 @@ def of_forests(study: Study) -> list[str]:
     beaten = sum(one.low > 0 for one in answers(study, questions, SEEN))
     whose = "Its interval alone lies" if alone == {"FTW"} else "Not its interval alone lies"
     return [
-        f"{high} of what could be gained in high, {low} in low, {lowest} in lowest, in greedy returns",
-        f"{whose} above a fifth of that in every pair.",
-        f"{'' if beaten == len(questions) else 'not '}above each of the others in every pair.",
+        row_of(
+            "the whole network (FTW)", "first, pixels", [f"{share:.0f} %" for share in whole_shares(study)]
+        ),
+        f"{whose} above a fifth of the gap in every pair.",
+        f"FTW is {'' if beaten == len(questions) else 'not '}above each of the other arms in every pair.",
     ]
+
+
+def whole_shares(study: Study) -> list[float]:
+    """Return the share of the gap (%) that FTW closes in greedy returns, by pair."""
+    return [100 * forest.gains["FTW"].value for forest in measure_forests(study)]
+
+
+def row_of(*cells: str | list[str]) -> str:
+    """Write a row of a table."""
+    flat = [text for cell in cells for text in ([cell] if isinstance(cell, str) else cell)]
+    return f"| {' | '.join(flat)} |".replace("|  |", "| |")
 
 
 def of_layers() -> list[str]:
@@ -203,19 +223,21 @@ def at_length() -> str:
     return f"{len({key[3] for key in study.records})} of {len(study.seeds)} seeds are done"
 
 
+def share_of(rows: pd.DataFrame, question: int, where: str, arm: str) -> str:
+    """Return the share of the gap that an arm closes, in an answer of the second study."""
+    is_asked = (rows["question"] == question) & (rows["where"] == where)
+    (one,) = rows[is_asked & rows["what"].str.match(f"{arm} .*less scratch")].to_dict("records")
+    return f"{100 * one['value'] / one['possible_gain']:.0f} %"
+
+
 def of_second_study() -> list[str]:
     """Return what the second study says: shares of what could be gained, and where its halves agree."""
     numbers, pixels = (
         pd.read_csv(ROOT / f"outputs/questions/{setting}_answers.csv") for setting in ("numbers", "pixels")
     )
 
-    def share(rows: pd.DataFrame, question: int, where: str, arm: str) -> str:
-        is_asked = (rows["question"] == question) & (rows["where"] == where)
-        (one,) = rows[is_asked & rows["what"].str.match(f"{arm} .*less scratch")].to_dict("records")
-        return f"{100 * one['value'] / one['possible_gain']:.0f} %"
-
     first, tuned, seen = (
-        [share(rows, number, pair, "FTW") for pair in PAIRS]
+        [share_of(rows, number, pair, "FTW") for pair in PAIRS]
         for rows, number in ((numbers, 1), (numbers, 6), (pixels, 1))
     )
     both = numbers.merge(pixels, on=["question", "where", "what"])
@@ -224,32 +246,50 @@ def of_second_study() -> list[str]:
     apart = (gains["value_x"] - gains["value_y"]).abs() / np.hypot(*errors)
     beyond = (apart > norm.ppf(1 - 0.025 / len(gains))).sum()
     return [
-        "from pixels FTW gains {} of what could be gained in high, {} in low, {} in lowest;".format(*seen),
-        f"FTW gains {first[0]} of what could be gained in high, {first[1]} in low, {first[2]} in lowest.",
-        "gain {} in low and {} in lowest from pixels;".format(
-            *(share(pixels, 1, pair, "FE3") for pair in ("low", "lowest"))
+        row_of("", "second, pixels", seen),
+        row_of("", "second, numbers", first),
+        row_of("", "second, numbers, each arm with its best of six learners", tuned),
+        row_of(
+            "three frozen layers (FE3)",
+            "second, pixels",
+            ["open", *(share_of(pixels, 1, pair, "FE3") for pair in ("low", "lowest"))],
         ),
-        f"level with scratch in low, and gain {share(numbers, 1, 'lowest', 'FE3')} in lowest.",
-        f"FTW gains {tuned[0]} in high, {tuned[1]} in low, {tuned[2]} in lowest of",
-        f"it gains {share(numbers, 3, 'imazu', 'FTW')} of what could be gained,",
-        f"first three layers, frozen, gain {share(numbers, 3, 'imazu', 'FE3')}.",
+        row_of("", "second, numbers", ["below scratch", "level", share_of(numbers, 1, "lowest", "FE3")]),
+        f"closes {share_of(numbers, 3, 'imazu', 'FTW')} of the gap |",
+        f"(FE3) | closes {share_of(numbers, 3, 'imazu', 'FE3')} |",
         f"{beyond} of {len(gains)} gains over scratch are further apart than chance allows.",
     ]
 
 
+def of_readme(study: Study) -> list[str]:
+    """Return what the README says was found."""
+    high, low, lowest = whole_shares(study)
+    rows = pd.read_csv(ROOT / "outputs/questions/numbers_answers.csv")
+    return [
+        verdicts(),
+        f"closes {high:.0f}, {low:.0f} and {lowest:.0f} % of the gap",
+        f"closes {share_of(rows, 3, 'imazu', 'FTW')} of the gap on the Imazu problems",
+    ]
+
+
+def lacking(study: Study) -> list[str]:
+    """Return the facts that the pages lack."""
+    pages = ((PAGE, facts(study)), (README, of_readme(study)))
+    texts = {page: " ".join(page.read_text().split()) for page, _ in pages}
+    return [f"{page.name} lacks: {fact}" for page, some in pages for fact in some if fact not in texts[page]]
+
+
 def main() -> None:
-    """Rewrite the pages, and print the facts that they lack."""
+    """Rewrite the numbers of contrasts, and print the facts that the pages lack."""
     study = read_study(FOLDER, paper_claims())
-    for page in PAGES:
-        before = (ROOT / page).read_text()
-        after = rewrite(before, study)
-        (ROOT / page).write_text(after)
-        pairs = zip(re.findall(NUMBERS, before), re.findall(NUMBERS, after), strict=True)
-        changed = [f"{one} -> {two}" for one, two in pairs if one != two]
-        sys.stdout.write(f"{page}: {len(changed)} numbers changed\n" + "".join(f"  {x}\n" for x in changed))
-    text = " ".join((ROOT / PAGES[0]).read_text().split())
-    lacking = [fact for fact in facts(study) if fact not in text]
-    sys.stdout.write("".join(f"{PAGES[0]} lacks: {fact}\n" for fact in lacking))
+    before = PAGE.read_text()
+    after = rewrite(before, study)
+    PAGE.write_text(after)
+    pairs = zip(re.findall(NUMBERS, before), re.findall(NUMBERS, after), strict=True)
+    changed = [f"{one} -> {two}" for one, two in pairs if one != two]
+    sys.stdout.write(
+        "\n".join([f"{PAGE.name}: {len(changed)} numbers changed", *changed, *lacking(study), ""])
+    )
 
 
 if __name__ == "__main__":

@@ -1,10 +1,13 @@
 """Run the real command in a forked child or in a new process."""
 
+import json
 import os
+import re
 import subprocess
 import sys
 from collections.abc import Callable
 from pathlib import Path
+from typing import Any
 
 import pytest
 
@@ -18,6 +21,9 @@ SMOKE = (
     *("profile=smoke", "learn.episodes=3", "learn.warmup_steps=60", "learn.batch_size=8"),
     "learn.jumpstart_draws=1",
 )
+# Keys of JSON files that hold a time, and a draft: a file that is written beside another one.
+TIME_KEYS = {"seconds", "begun"}
+DRAFT = re.compile(r"(^|/)\.(?!locks/|plans/)[^/]*(/[^/]*)?$")
 
 
 def environment() -> dict[str, str]:
@@ -98,3 +104,18 @@ report, ask, keep = map(of_study, ("report", "ask", "keep"))
 def files(folder: Path) -> dict[str, bytes]:
     """Read every file below a folder."""
     return {str(p.relative_to(folder)): p.read_bytes() for p in sorted(folder.rglob("*")) if p.is_file()}
+
+
+def contents(folder: Path) -> dict[str, bytes]:
+    """Read all files below a folder but locks and drafts outside the folders of runs, without times."""
+    found = {}
+    for path in sorted(folder.rglob("*")):
+        name = str(path.relative_to(folder))
+        if not path.is_file() or ".locks" in path.parts or (DRAFT.search(name) and "seed=" not in name):
+            continue
+        data = path.read_bytes().replace(str(folder.resolve()).encode(), b"FOLDER")
+        if path.suffix == ".json":
+            values: Any = json.loads(data)
+            data = json.dumps({k: v for k, v in values.items() if k not in TIME_KEYS}).encode()
+        found[name] = data
+    return found

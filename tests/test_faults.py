@@ -5,10 +5,8 @@ Each command runs in a folder of its own, on two cases of ten steps.
 
 import errno
 import itertools
-import json
 import os
 import random
-import re
 import resource
 import shutil
 import signal
@@ -17,10 +15,10 @@ from collections.abc import Callable
 from functools import cache
 from pathlib import Path
 from tempfile import mkdtemp
-from typing import Any
 
 import pytest
 
+from tests.command import DRAFT, contents
 from tests.forked import Running, run
 
 CASES = {
@@ -38,10 +36,6 @@ SHORT = (
 ALONE = (*SHORT, "target=near", "method=scratch")
 TRANSFER = (*SHORT, "source=near", "target=met", "method=finetune", "layers=3")
 KILLED = -signal.SIGKILL
-# Keys of JSON files that hold a time, and a draft: a file that is written beside another one.
-TIME_KEYS = {"seconds", "begun"}
-DRAFT = re.compile(r"(^|/)\.(?!locks/|plans/)[^/]*(/[^/]*)?$")
-
 # Python's audit hooks announce these changes of a folder; the second ones need room on the disk.
 CHANGES = {"open", "os.mkdir", "os.rename", "os.remove", "os.rmdir", "os.link", "os.chmod", "os.truncate"}
 NEEDS_ROOM = {"open", "os.mkdir", "os.link"}
@@ -91,21 +85,6 @@ def new_folder(place: Path) -> Path:
     for name, text in CASES.items():
         (cases / f"{name}.yaml").write_text(text)
     return place
-
-
-def contents(folder: Path) -> dict[str, bytes]:
-    """Read all files below a folder but locks and drafts outside the folders of runs, without times."""
-    found = {}
-    for path in sorted(folder.rglob("*")):
-        name = str(path.relative_to(folder))
-        if not path.is_file() or ".locks" in path.parts or (DRAFT.search(name) and "seed=" not in name):
-            continue
-        data = path.read_bytes().replace(str(folder.resolve()).encode(), b"FOLDER")
-        if path.suffix == ".json":
-            values: Any = json.loads(data)
-            data = json.dumps({k: v for k, v in values.items() if k not in TIME_KEYS}).encode()
-        found[name] = data
-    return found
 
 
 @cache

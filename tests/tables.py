@@ -112,11 +112,10 @@ def write_markdown(rows: Rows) -> str:
 def fill(text: str) -> str:
     """Return a page with all its tables made again."""
     for name, table in TABLES.items():
-        marked = f"<!-- begin: {name} -->\n{write_markdown(table())}\n<!-- end -->"
-        text, found = re.subn(
-            rf"<!-- begin: {name} -->.*?<!-- end -->", lambda _, to=marked: to, text, flags=re.S
-        )
-        assert found == 1, name
+        before, begin, rest = text.partition(f"<!-- begin: {name} -->\n")
+        _, end, after = rest.partition("<!-- end -->")
+        assert begin and end, name
+        text = f"{before}{begin}{write_markdown(table())}\n{end}{after}"
     return text
 
 

@@ -105,7 +105,7 @@ def test_no_sheet_shows_a_collision_that_is_none(hulls: list[Corners]) -> None:
     imazu = load_suite("imazu", WORLD)
     for state in draw_starts(imazu, WORLD, len(imazu.cases), 0):
         hulls.clear()
-        pages.draw_start(state, WORLD, pages.START_SIDE, 780.0)
+        pages.draw_start(state, WORLD, 220, 780.0)
         ships = target_ships(state)[: int(state[SHIP_COUNT]), : SHIP_Y + 1]
         assert touching_at(hulls, np.concatenate((position(state)[None], ships))) == []
     for case in load_suite("paper", WORLD).cases:

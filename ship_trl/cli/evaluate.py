@@ -86,7 +86,7 @@ def check(entries: list[Entry], options: Namespace) -> None:
     if options.sheet is not None and any(entry.world != entries[0].world for entry in entries):
         raise ConfigError("--sheet: the policies act in several worlds; allowed: policies of one world")
     if options.episodes is not None and not any(entry.draws for entry in entries):
-        raise ConfigError("--episodes: all would be alike; allowed with drawn starts or policies that draw")
+        raise ConfigError("--episodes: all would be the same; allowed: drawn starts, or a policy that draws")
 
 
 def evaluate(entries: list[Entry], options: Namespace) -> list[str]:

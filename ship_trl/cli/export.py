@@ -26,7 +26,7 @@ def main(arguments: list[str] | None = None) -> None:
     parser.add_argument("policy", metavar="POLICY", help="a result folder or a safetensors file")
     add_output(parser, "file", (".onnx",), "the model to write")
     case = "of a file: a case to check it on"
-    parser.add_argument("target", nargs="*", metavar="target=CASE", help=case)
+    parser.add_argument("target", nargs="*", default=[], metavar="target=CASE", help=case)
     parser.add_argument("--colour", action="store_true", help="the network of a file sees colours")
     options = parser.parse_args(arguments)
     with refusals():

@@ -23,11 +23,13 @@ from ship_trl.cli.errors import refusals
 from ship_trl.cli.parser import add_number, add_output, make_parser
 from ship_trl.config.bounds import PositiveShare
 from ship_trl.config.errors import ConfigError, command, print_error
+from ship_trl.config.paths import stem
 from ship_trl.files.curve import RunError
 from ship_trl.files.logs import KINDS, LearningCurve, read_logs
 from ship_trl.files.record import Evaluation, RunRecord
 from ship_trl.run.console import show
 from ship_trl.run.results import collect, drop_copies, group_runs
+from ship_trl.sim.cases import describe
 from ship_trl.study import metrics
 
 # A column of transfers: returns on the source of its own network, and of the run's at the end.
@@ -183,7 +185,8 @@ def picture(path: Path, found: list[RunRecord]) -> None:
     panels: dict[str, dict[str, list[RunRecord]]] = {}
     for one in with_curves(found):
         name = f"{one.below}: {one.name}" if several else one.name
-        panels.setdefault(one.label, {}).setdefault(name, []).append(one)
+        title = describe(one.label) if one.label == stem(one.target) else f"pair {one.label}"
+        panels.setdefault(title, {}).setdefault(name, []).append(one)
     if not panels:
         raise ConfigError("picture: no learning curve to draw")
     draw_comparison(path, panels)

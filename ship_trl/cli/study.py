@@ -184,9 +184,9 @@ def answers(study: Study, questions: list[str], seeds: int | None = None) -> lis
         every = [contrast.measure(shown) for contrast in contrasts]
         measured = [one for one in every if one is not None and math.isfinite(one.value)]
         if not measured:
-            raise ConfigError(f"question: {question!r} needs its metric of two seeds that all its arms have")
+            raise ConfigError(f"question: {question!r} needs the metric of all its arms for two seeds")
         if few := len(contrasts) - len(measured):
-            print_error(f"{question}: {few} of {len(contrasts)} lack it for two common seeds; left out")
+            print_error(f"{question}: {few} of {len(contrasts)} contrasts lack two common seeds; left out")
         found += measured
     return found
 

@@ -59,7 +59,7 @@ def kind_of(name: str, more: Sequence[str] = ()) -> Kind:
         return Kind.bundled
     if name.endswith(".safetensors"):
         if not Path(name).is_file():
-            raise ConfigError(f"policy: no file {name}; a safetensors file is allowed")
+            raise ConfigError(f"policy: no file {name}; allowed: a safetensors file")
         return Kind.network
     if ":" not in name:
         raise ConfigError(f"policy: no {name}; allowed: {', '.join((*more, ALLOWED))}")

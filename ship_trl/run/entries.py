@@ -21,7 +21,7 @@ from ship_trl.config.schema import read_as
 from ship_trl.config.types import Perturbation, World
 from ship_trl.files.record import RESULT
 from ship_trl.policies.pretrained import PRETRAINED, Pretrained, find, is_pretrained, networks
-from ship_trl.policies.registry import Entry
+from ship_trl.policies.registry import Entry, kind_of
 from ship_trl.run.plan import read_settings
 from ship_trl.run.results import collect, locate
 from ship_trl.sim.cases import Suite, load_suite, load_world
@@ -78,10 +78,11 @@ def named_entries(name: str, suites: list[Suite], world: World, colour: bool) ->
     """Return a policy without results on each suite.
 
     Raises:
-        ConfigError: no suite, or the policy looks like a path that does not exist.
+        ConfigError: there is no such policy, or no suite.
     """
     if "/" in name and ":" not in name and not Path(name).exists():
         raise ConfigError(f"policy: no file or folder {name}; see --help for what is allowed")
+    kind_of(name)
     if not suites:
         raise ConfigError(
             f"target: none given for {name}; allowed: target=CASE, with commas between several cases"

@@ -158,7 +158,7 @@ def make_run(config: Config) -> Run:
             raise ConfigError("demonstrations: allowed with one case as target, and with no perturbation")
         demonstrations = tuple(read_demonstrations(Path(config.demonstrations), target.case, world))
     if target.is_drawn and reads_of(config.algorithm).is_on_policy:
-        imitation, allowed = config.algorithm["imitation_coeff"], "0 with starts that do not come again"
+        imitation, allowed = config.algorithm["imitation_coeff"], "0 where each episode has another start"
         require(not imitation, "algorithm.imitation_coeff", f"{allowed}, as in {target.name}", imitation)
     digest = hash_of(config, target, source, pretrained, demonstrations)
     # Without a pair, its label is the names of the cases.

@@ -159,7 +159,7 @@ def make_origin(run: Run, source: DuelingNetwork, env: ShipEnv, untrained: float
     reached = mean_return(rollout(env, greedy_policy(source, draw)))
     if run.arm.method == "qdagger" and reached <= untrained:
         console.say(
-            f"the source returns {reached:.1f} here, an untrained network {untrained:.1f}: no pull to it"
+            f"the source returns {reached:.1f} here, an untrained network {untrained:.1f}: it is not followed"
         )
     return Origin(source, draw, generator, reached, untrained, source_scale, scale)
 

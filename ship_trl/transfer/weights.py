@@ -48,7 +48,7 @@ def open_safetensors(path: Path, key: str) -> Iterator[Any]:
         ConfigError: the file is missing, truncated, or in another format such as pickle.
     """
     if not path.is_file():
-        raise ConfigError(f"{key}: no file {path}; a safetensors file is allowed")
+        raise ConfigError(f"{key}: no file {path}; allowed: a safetensors file")
     try:
         with safe_open(path, framework="pt") as file:
             yield file

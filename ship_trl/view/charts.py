@@ -179,7 +179,8 @@ def _draw_panel(place: SubFigure, title: str, groups: Groups) -> None:
     lower.set_ylim(lowest, None if best is None else best + 15)
     lower.set_xlabel("training episodes")
     upper.set_ylabel(f"training return, mean of {MEAN_OVER}\n(median of seeds; band: all)")
-    lower.set_ylabel("greedy return\n(median of seeds; band: all)")
+    shown = "" if lowest is None else f" above {number(lowest, '.0f')}"
+    lower.set_ylabel(f"greedy return{shown}\n(median of seeds; band: all)")
     lines, names = upper.get_legend_handles_labels()
     in_a_row = max(1, LEGEND_LETTERS // (max(map(len, names)) + SAMPLE_LETTERS))
     place.legend(lines, names, loc="outside lower center", ncols=in_a_row, fontsize=8)

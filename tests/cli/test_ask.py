@@ -31,7 +31,7 @@ def test_pairs_with_too_few_seeds_are_counted(capsys: pytest.CaptureFixture[str]
     both[("pairs", "low", "scratch", 0)] = both[("pairs", "low", "FE1", 1)] = one
     (found,) = answers(Study(both), ["every pair: FE1 above scratch"])
     assert found.what == "high: FE1 above scratch (area)"
-    told = "every pair: FE1 above scratch: 1 of 2 lack it for two common seeds; left out"
+    told = "every pair: FE1 above scratch: 1 of 2 contrasts lack two common seeds; left out"
     assert capsys.readouterr().err == f"ship_trl: {told}\n"
 
 
@@ -54,11 +54,11 @@ def test_it_is_a_table_of_a_line_a_contrast(tmp_path: Path) -> None:
         (["study", "high: FE1 above scratch", "--seeds", "3"], "--seeds: must be from 1 to 2"),
         (
             ["study", "high: FE1 above scratch", "--seeds", "1"],
-            "question: 'high: FE1 above scratch' needs its metric",
+            "question: 'high: FE1 above scratch' needs the metric",
         ),
         (
             ["study", "high: FE1 (forgetting)"],
-            "question: 'high: FE1 (forgetting)' needs its metric of two seeds",
+            "question: 'high: FE1 (forgetting)' needs the metric of all",
         ),
         (
             ["empty", "high: FE1 above scratch"],

@@ -172,6 +172,7 @@ def failing(env, seed):
     ("words", "said"),
     [
         ("random", "target: none given for random"),
+        ("nobody", "policy: no nobody; allowed: random, keep_course"),
         (
             "nobody target=2",
             f"policy: no nobody; allowed: {', '.join(POLICIES)}, pretrained, a",
@@ -183,7 +184,7 @@ def failing(env, seed):
         ),
         ("pretrained:9 target=paper", "policy: no bundled network of case 9; allowed: 1, "),
         ("random target=paper --demonstrations d", "--demonstrations: of single cases, not perturbed"),
-        ("vo target=imazu --episodes 2200", "--episodes: all would be alike; allowed with drawn starts or"),
+        ("vo target=imazu --episodes 2200", "--episodes: all would be the same; allowed: drawn starts"),
         ("random target=2 target=4", "target: given twice"),
         ("nothing.py:policy target=2", "policy: nothing.py:policy returns None; allowed: a function"),
         (

@@ -77,6 +77,7 @@ def test_a_model_that_does_not_pass_is_not_written(
 
 
 REFUSED = {
+    "": "the following arguments are required: POLICY, FILE.onnx; see ",
     "policy.safetensors q.pt target=4": "file: must be a name that ends with .onnx, got q.pt",
     "policy.safetensors q.onnx": "target: none given for policy.safetensors; allowed: target=CASE",
     "policy.safetensors q.onnx target=2,4": "policy: policy.safetensors has several results or cases;",

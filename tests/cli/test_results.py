@@ -1,6 +1,7 @@
 """The table of finished runs."""
 
 import shutil
+from collections.abc import Mapping
 from pathlib import Path
 
 import numpy as np
@@ -12,6 +13,7 @@ from ship_trl.files.curve import GREEDY, TRAINING, write_curve
 from ship_trl.files.record import RunRecord, SourceReturns, read_run
 from ship_trl.run.results import collect
 from ship_trl.study.report.tables import STABILITY_HEADINGS, measure_runs, stability_rows
+from ship_trl.view import charts
 from tests.a_result import a_result, an_evaluation
 from tests.study.synthetic import BEST, write_run
 
@@ -88,8 +90,16 @@ def write_rows(folder: Path, seed: int, rows: list[tuple[str, int, float]]) -> N
 
 
 def test_curves_of_two_folders_are_drawn_beside_each_other(
-    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
+    titles: list[str] = []
+    draw = charts.draw_comparison
+
+    def spy(path: Path, panels: Mapping[str, charts.Groups]) -> None:
+        titles.extend(panels)
+        draw(path, panels)
+
+    monkeypatch.setattr(charts, "draw_comparison", spy)
     for name in ("one", "two"):
         write(tmp_path / name, 0, 30.0)
         rows = [(GREEDY, 0, -300.0), (TRAINING, 1, -250.0), (TRAINING, 2, 10.0), (GREEDY, 2, 20.0)]
@@ -102,6 +112,7 @@ def test_curves_of_two_folders_are_drawn_beside_each_other(
     assert said.out.splitlines()[-1] == picture
     assert said.err.count("\n") == 1 and "seed=1: curve.csv is missing; left out" in said.err
     assert Path(picture).read_bytes().startswith(b"\x89PNG")
+    assert titles == ["case 4"]
 
 
 def curve(folder: Path, seed: int, greedy: list[float]) -> None:

@@ -5,6 +5,7 @@ from pathlib import Path
 import numpy as np
 import pandas as pd
 import pytest
+from matplotlib.figure import Figure
 from numpy.typing import NDArray
 from PIL import Image
 
@@ -12,6 +13,7 @@ from ship_trl.config.types import World
 from ship_trl.files.curve import GREEDY, TRAINING, Row
 from ship_trl.files.record import RunRecord
 from ship_trl.sim.cases import load_case
+from ship_trl.view import charts
 from ship_trl.view.charts import draw_comparison, draw_curve, draw_trajectories, draw_transfer
 from ship_trl.view.style import CHART_SERIES, SCRATCH
 from tests.a_result import a_result
@@ -110,6 +112,19 @@ def test_the_legend_covers_no_line(tmp_path: Path) -> None:
     for top, bottom in ((0, 300), (300, 570)):
         columns = np.unique(line[(line[:, 0] >= top) & (line[:, 0] < bottom), 1])
         assert columns[0] < 130 and columns[-1] > 490 and np.diff(columns).max() <= 3
+
+
+@pytest.mark.parametrize(("highest", "words"), [(30.0, " above \N{MINUS SIGN}100"), (-150.0, "")])
+def test_an_axis_that_is_cut_says_where(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, highest: float, words: str
+) -> None:
+    drawn: list[Figure] = []
+    monkeypatch.setattr(charts, "save_figure", lambda figure, _: drawn.append(figure))
+    run = made(np.zeros(9), np.linspace(-300, highest, 7))
+    draw_comparison(tmp_path / "curves.png", {"case 4": {"FT3": [run]}})
+    lower = drawn[0].axes[1]
+    assert lower.get_ylabel().splitlines()[0] == f"greedy return{words}"
+    assert (lower.get_ylim()[0] <= -300) == (highest < -100)
 
 
 @pytest.mark.parametrize(("case", "panels"), [("4", 1), ("4", 6), ("1", 1)])

@@ -4,9 +4,11 @@ from __future__ import annotations
 
 import hashlib
 import shutil
+import sys
 import time
 from collections.abc import Callable
 from contextlib import suppress
+from functools import cache
 from pathlib import Path
 from typing import Any
 
@@ -38,6 +40,13 @@ PREFIX = "ship_trl-"
 FOLDER = PREFIX + digest()
 
 
+@cache
+def announce() -> None:
+    """Say on a terminal, once a process, why nothing seems to happen."""
+    if sys.stderr.isatty():
+        sys.stderr.write("compiling loops, which takes up to a minute, once for this version of the code\n")
+
+
 class LoopCache(FunctionCache):
     """numba's cache of a function, in a folder for the package's present text; what cannot be read is a miss.
 
@@ -52,6 +61,8 @@ class LoopCache(FunctionCache):
 
     def load_overload(self, sig: Any, target_context: Any) -> Any:
         """Load the compiled function of a signature; return None if there is none that can be read."""
+        if not Path(self._cache_path).is_dir():
+            announce()
         try:
             found = super().load_overload(sig, target_context)
         except Exception:  # what is in a cut file may raise anything

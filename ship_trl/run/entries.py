@@ -80,9 +80,7 @@ def named_entries(name: str, suites: list[Suite], world: World, colour: bool) ->
     Raises:
         ConfigError: there is no such policy, or no suite.
     """
-    if "/" in name and ":" not in name and not Path(name).exists():
-        raise ConfigError(f"policy: no file or folder {name}; see --help for what is allowed")
-    kind_of(name)
+    kind_of(name, ["a result folder"])
     if not suites:
         raise ConfigError(
             f"target: none given for {name}; allowed: target=CASE, with commas between several cases"

@@ -172,10 +172,10 @@ def failing(env, seed):
     ("words", "said"),
     [
         ("random", "target: none given for random"),
-        ("nobody", "policy: no nobody; allowed: random, keep_course"),
+        ("nobody", "policy: no nobody; allowed: a result folder, random, keep_course"),
         (
             "nobody target=2",
-            f"policy: no nobody; allowed: {', '.join(POLICIES)}, pretrained, a",
+            f"policy: no nobody; allowed: a result folder, {', '.join(POLICIES)}, pretrained, a",
         ),
         ("random seed=3 target=2", "seed: unknown key; allowed here: target, perturbation.KEY, world"),
         (

@@ -52,6 +52,20 @@ def test_a_second_process_compiles_nothing(tmp_path: Path) -> None:
     assert (hits(tmp_path), hits(tmp_path)) == (0, 2)
 
 
+def test_a_terminal_is_told_once_that_loops_are_compiled(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    told = []
+    for is_terminal in (False, True, True):
+        jit.announce.cache_clear()
+        monkeypatch.setattr(sys.stderr, "isatty", lambda shown=is_terminal: shown)
+        (tmp_path / str(len(told) // 2)).mkdir(exist_ok=True)
+        hits(tmp_path / str(len(told) // 2))
+        told.append(capsys.readouterr().err.count("compiling loops"))
+    # The second is compiled for the first one already, and the third is not.
+    assert told == [0, 0, 1]
+
+
 def test_the_key_covers_what_loops_may_inline() -> None:
     covered = {path for pattern in jit.INLINED for path in PACKAGE.glob(pattern)}
     names = {path: imports(path) for path in PACKAGE.rglob("*.py")}

@@ -99,14 +99,9 @@ def check_repeated(words: Any) -> None:
             raise ConfigError(f"{key}: given twice; allowed: once in a grid")
 
 
-def is_basic(config: DictConfig) -> bool:
-    """Return whether the words alone say what runs there are, and no sweeper chooses values."""
-    return str(config.hydra.sweeper.get("_target_")).endswith(BasicSweeper.__name__)
-
-
 def list_runs(config: DictConfig) -> list[Sequence[str]]:
     """List the overrides of each run of a grid; empty if a sweeper chooses them during the sweep."""
-    if not is_basic(config):
+    if not str(config.hydra.sweeper.get("_target_")).endswith(BasicSweeper.__name__):
         return []
     params = config.hydra.sweeper.get("params") or {}
     # Unresolved, because ${learn.lr} may have another value in each run.

@@ -88,7 +88,7 @@ def test_a_missing_source_is_named(
     shutil.copytree(RUN, moved)
     result = json.loads((moved / "result.json").read_text())
     for changes, message in (
-        ({"source_network": "gone.safetensors"}, "source_file: no file gone.safetensors; a safetensors file"),
+        ({"source_network": "gone.safetensors"}, "source_file: no file gone.safetensors; allowed: a"),
         ({"before": result["before"] | {"return": 1.0}}, "it should return 1.0 and returns "),
     ):
         (moved / "result.json").write_text(json.dumps(result | changes))

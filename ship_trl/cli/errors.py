@@ -18,13 +18,17 @@ from ship_trl.files.disk import DISK
 
 
 @contextmanager
-def refusals() -> Iterator[None]:
-    """Print a `ConfigError` or an `OSError` of a command as one line, and exit with code 1."""
+def refusals(interrupted: str = "interrupted") -> Iterator[None]:
+    """Print a `ConfigError` or an `OSError` of a command as one line, and exit with code 1; at Ctrl-C 130."""
     try:
         yield
     except (ConfigError, OSError) as error:
         print_error(explain_file(error) if isinstance(error, OSError) else str(error))
         sys.exit(1)
+    except KeyboardInterrupt as error:
+        # A training says where it stopped.
+        print_error(str(error) or interrupted)
+        sys.exit(130)
 
 
 @contextmanager

@@ -117,35 +117,31 @@ def main(arguments: list[str] | None = None) -> None:
 
 def run_study(words: list[str]) -> None:
     """Plan the runs, run what is missing, and write the report."""
-    try:
-        exit_at_sigterm("terminated; the same command continues the study")
-        with refusals():
-            config = to_study(words)
-            check_account(config)
-            jobs = plan_jobs(config)
-            if has_tables(config.folder):
-                raise ConfigError(
-                    f"output: {config.folder} holds a study's tables; allowed: another output=FOLDER; "
-                    f"{command('study', 'keep', '--restore', config.folder, 'FOLDER')} makes one of them"
-                )
-            claims = load_claims()
-            write_plan(jobs, config, claims.rules)
-            write_jobs(jobs, config)
-            for line in set_aside(jobs, config):
-                say(line)
-            missing = unfinished(jobs, config)
-            say(describe_work(missing, jobs, config))
-            with show_progress(jobs, config, run_config(config).learn.episodes) as watch:
-                left = run_jobs(missing, config, watch)
-            if len(left) < len(jobs):
-                from ship_trl.study.report.write import report
+    exit_at_sigterm("terminated; the same command continues the study")
+    with refusals("interrupted; the same command continues the study"):
+        config = to_study(words)
+        check_account(config)
+        jobs = plan_jobs(config)
+        if has_tables(config.folder):
+            raise ConfigError(
+                f"output: {config.folder} holds a study's tables; allowed: another output=FOLDER; "
+                f"{command('study', 'keep', '--restore', config.folder, 'FOLDER')} makes one of them"
+            )
+        claims = load_claims()
+        write_plan(jobs, config, claims.rules)
+        write_jobs(jobs, config)
+        for line in set_aside(jobs, config):
+            say(line)
+        missing = unfinished(jobs, config)
+        say(describe_work(missing, jobs, config))
+        with show_progress(jobs, config, run_config(config).learn.episodes) as watch:
+            left = run_jobs(missing, config, watch)
+        if len(left) < len(jobs):
+            from ship_trl.study.report.write import report
 
-                report(config.folder, config.folder / REPORT, claims=claims)
-                log_summary(config)
-            say(json.dumps({"runs": len(jobs), "missing": len(left), "folder": str(config.folder)}))
-    except KeyboardInterrupt:
-        print_error("interrupted; the same command continues the study")
-        sys.exit(130)
+            report(config.folder, config.folder / REPORT, claims=claims)
+            log_summary(config)
+        say(json.dumps({"runs": len(jobs), "missing": len(left), "folder": str(config.folder)}))
     if left:
         print_error(
             f"{len(left)} of {len(jobs)} runs have no result ({left[0].name} ...); see {config.folder / LOG}"

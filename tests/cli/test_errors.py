@@ -3,6 +3,7 @@
 import csv
 import json
 import pickle
+import signal
 from pathlib import Path
 
 import pytest
@@ -10,9 +11,11 @@ import torch
 from safetensors.torch import load_file
 from torch import Generator
 
+from ship_trl.cli.errors import refusals
 from ship_trl.config.types import BFLOAT16, Precision
 from ship_trl.learn.network import DuelingNetwork, choose_dtype
 from ship_trl.run.plan import make_run
+from ship_trl.run.process import StoppedError
 from ship_trl.transfer.weights import permute_values
 from tests.command import SMOKE, contents, files, ship_trl
 from tests.config.test_config import composed
@@ -172,3 +175,15 @@ def test_an_unknown_flag_is_one_line(flags: list[str], tmp_path: Path) -> None:
     said = ship_trl(*flags, folder=tmp_path, code=1).stderr
     assert said.startswith("ship_trl: ") and said.count("\n") == 1 and "without dashes" in said
     assert not list(tmp_path.iterdir())
+
+
+@pytest.mark.parametrize(
+    ("raised", "told"),
+    [(KeyboardInterrupt(), "interrupted"), (StoppedError("stopped at 7", signal.SIGINT), "stopped at 7")],
+)
+def test_an_interrupt_is_one_line(
+    raised: KeyboardInterrupt, told: str, capsys: pytest.CaptureFixture[str]
+) -> None:
+    with pytest.raises(SystemExit) as ended, refusals():
+        raise raised
+    assert (ended.value.code, capsys.readouterr().err) == (130, f"ship_trl: {told}\n")

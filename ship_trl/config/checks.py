@@ -151,8 +151,9 @@ def check_memory(config: Config) -> None:
     """Check by an estimate that weights, batches, replay and the planner of a run fit into memory."""
     learn, network, layers, world = config.learn, config.network, geometry(config.network), config.world
     weights, maps = count_numbers(network, 3 if config.colour else 1)
-    own, frozen = reads_of(config.algorithm).batch_key, config.arm.frozen_layers
-    batch = (f"algorithm.{own}", config.algorithm[own]) if own else ("learn.batch_size", learn.batch_size)
+    key, batch, frozen = "learn.batch_size", learn.batch_size, config.arm.frozen_layers
+    if own := reads_of(config.algorithm).batch_key:
+        key, batch = f"algorithm.{own}", config.algorithm[own]
     transition = TRANSITION_BYTES + 8 * network.inputs * bool(network.linear)
     is_dense = config.device != "cpu" or learn.backend is BackendName.dense
     if layers and frozen >= linear_from(layers) and supports_incremental(layers) and not is_dense:
@@ -163,7 +164,7 @@ def check_memory(config: Config) -> None:
         motions = math.prod(len(set(column)) for column in zip(*world.actions, strict=True))
     check_bytes(f"network.{'linear' if network.linear else 'conv'}", weights, "weights", WEIGHT_BYTES)
     check_bytes("learn.num_envs", learn.num_envs, "observations", MAP_BYTES * maps)
-    check_bytes(*batch, "observations", MAP_BYTES * maps)
+    check_bytes(key, batch, "observations", MAP_BYTES * maps)
     check_bytes("learn.replay_size", learn.replay_size, "transitions", transition)
     check_bytes("world.actions", motions, "motions", MOTION_BYTES * world.max_steps)
     way = max(abs(speed) for speed, _ in world.actions) * world.dt * world.max_steps

@@ -4,6 +4,7 @@ import json
 import math
 from collections.abc import Iterable
 from pathlib import Path
+from typing import Any
 
 import gymnasium
 import numpy as np
@@ -188,11 +189,11 @@ class Bandit(gymnasium.Env):
     observation_space = gymnasium.spaces.Box(0, 1, (1,))
     action_space = gymnasium.spaces.Discrete(2)
 
-    def reset(self, *, seed: int | None = None, options: dict[str, object] | None = None) -> object:
+    def reset(self, *, seed: int | None = None, options: dict[str, Any] | None = None) -> tuple[Any, Any]:
         super().reset(seed=seed)
         return np.zeros(1, np.float32), {}
 
-    def step(self, action: int) -> tuple[object, float, bool, bool, dict[str, object]]:
+    def step(self, action: int) -> tuple[Any, float, bool, bool, dict[str, Any]]:
         return np.zeros(1, np.float32), float(action), True, False, {"is_success": bool(action)}
 
 

@@ -185,7 +185,8 @@ def picture(path: Path, found: list[RunRecord]) -> None:
     panels: dict[str, dict[str, list[RunRecord]]] = {}
     for one in with_curves(found):
         name = f"{one.below}: {one.name}" if several else one.name
-        title = describe(one.label) if one.label == stem(one.target) else f"pair {one.label}"
+        title = describe(one.pair) if one.pair == stem(one.target) else f"pair {one.pair}"
+        title = f"{one.part}: {title}" if one.part else title
         panels.setdefault(title, {}).setdefault(name, []).append(one)
     if not panels:
         raise ConfigError("picture: no learning curve to draw")

@@ -162,6 +162,7 @@ def _draw_panel(place: SubFigure, title: str, groups: Groups) -> None:
     upper, lower = place.subplots(2, 1, sharex=True)
     upper.set_title(title)
     styles = arm_styles(list(groups))
+    highest: list[float] = []
     for name, runs in groups.items():
         length = min(len(run.training.returns) for run in runs)
         smooth = moving_mean(np.stack([run.training.returns[:length] for run in runs]), MEAN_OVER)
@@ -170,12 +171,12 @@ def _draw_panel(place: SubFigure, title: str, groups: Groups) -> None:
         length = min(len(run.greedy.returns) for run in runs)
         greedy = np.stack([run.greedy.returns[:length] for run in runs])
         _draw_band(lower, runs[0].greedy.episode[:length], greedy, name, styles[name], 1.8)
+        highest.append(float(np.median(greedy, axis=0).max()))
     for axes in (upper, lower):
         if best is not None:
             axes.axhline(best, color=MUTED, linewidth=1, label=f"best known: {best:.1f}")
-    # Where no greedy return is above the bound, it would hide all of them.
-    highest = max((float(run.greedy.returns.max()) for runs in groups.values() for run in runs), default=0.0)
-    lowest = LOWEST_GREEDY if highest > LOWEST_GREEDY else None
+    # The bound must not hide a whole line.
+    lowest = LOWEST_GREEDY if min(highest) > LOWEST_GREEDY else None
     lower.set_ylim(lowest, None if best is None else best + 15)
     lower.set_xlabel("training episodes")
     upper.set_ylabel(f"training return, mean of {MEAN_OVER}\n(median of seeds; band: all)")

@@ -121,7 +121,8 @@ def test_an_axis_that_is_cut_says_where(
     drawn: list[Figure] = []
     monkeypatch.setattr(charts, "save_figure", lambda figure, _: drawn.append(figure))
     run = made(np.zeros(9), np.linspace(-300, highest, 7))
-    draw_comparison(tmp_path / "curves.png", {"case 4": {"FT3": [run]}})
+    better = made(np.zeros(9), np.linspace(-300, 60, 7))
+    draw_comparison(tmp_path / "curves.png", {"case 4": {"FT3": [run], "FTW": [better]}})
     lower = drawn[0].axes[1]
     assert lower.get_ylabel().splitlines()[0] == f"greedy return{words}"
     assert (lower.get_ylim()[0] <= -300) == (highest < -100)

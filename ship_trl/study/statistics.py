@@ -124,16 +124,6 @@ def p_below(values: Sample, bound: float = 0.0) -> float:
     return p_above(-values, -bound)
 
 
-def p_within(values: Sample, margin: float) -> float:
-    """Return the p-value against a mean beyond the margin: two one-sided tests (Schuirmann, 1987).
-
-    It is 1 if nothing varies: then all runs are cut off at the same bound, which shows nothing.
-    """
-    if standard_error(values)[0] < TOLERANCE:
-        return 1.0
-    return max(p_below(values, margin), p_above(values, -margin))
-
-
 def welch(value: float, samples: Sequence[Sample]) -> Estimate:
     """Return a mean or a difference of means with Student's or Welch's (1947) 95 % interval.
 

@@ -11,7 +11,7 @@ import numpy as np
 from ship_trl.study.compare import SEED, Contrast, comparative, joined, mean_difference, weighted
 from ship_trl.study.metrics import TIMES, curve, has_reached
 from ship_trl.study.plan import CONTROLS, NEW_CASE, PAIRS, REUSED, SCRATCH, SCRATCH_PAIR, Places, control_arm
-from ship_trl.study.statistics import LEVEL, TOLERANCE, Estimate, Sample, p_above, p_below, p_within
+from ship_trl.study.statistics import LEVEL, TOLERANCE, Estimate, Sample, p_above, p_below, standard_error
 from ship_trl.study.study import Study
 
 SPREAD = "spread"
@@ -86,6 +86,16 @@ def add_p_values(found: Estimate, claimed: Claimed, margin: float | None) -> Est
         p, against = p_below(values, margin), p_above(values, margin)
     within = 1.0 if margin is None else p_within(values, margin)
     return replace(found, p=p, against=against, margin=margin, within=within)
+
+
+def p_within(values: Sample, margin: float) -> float:
+    """Return the p-value against a mean beyond the margin: two one-sided tests (Schuirmann, 1987).
+
+    It is 1 if nothing varies: then all runs are cut off at the same bound, which shows nothing.
+    """
+    if standard_error(values)[0] < TOLERANCE:
+        return 1.0
+    return max(p_below(values, margin), p_above(values, -margin))
 
 
 def of(pair: str, *arms: str) -> Places:

@@ -14,6 +14,7 @@ from studies.paper.contrasts import (
     beats,
     interaction,
     log_spread_ratio,
+    p_within,
     rises,
     spread_test,
 )
@@ -111,3 +112,11 @@ def test_few_seeds_change_places_in_all_ways_and_errors_are_the_jackknifes() -> 
     for count in (2, 5):
         still, p, against = spread_test(np.ones((count, 9)), np.zeros((count, 9)), seed=0)
         assert (still.value, p, against) == (0.0, 1.0, 1.0)
+
+
+def test_a_difference_beyond_the_margin_is_ruled_out_on_both_sides() -> None:
+    near = np.random.default_rng(12).normal(0.01, 0.01, 15)
+    assert p_within(near, 0.05) < 1e-5
+    assert p_within(near + 0.2, 0.05) > 0.99 and p_within(near - 0.2, 0.05) > 0.99
+    # What does not vary at all is a bound that all have met.
+    assert p_within(np.zeros(5), 0.05) == 1.0

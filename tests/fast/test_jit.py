@@ -55,7 +55,7 @@ def test_a_second_process_compiles_nothing(tmp_path: Path) -> None:
 def test_a_terminal_is_told_once_that_loops_are_compiled(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    told = []
+    told: list[int] = []
     for is_terminal in (False, True, True):
         jit.announce.cache_clear()
         monkeypatch.setattr(sys.stderr, "isatty", lambda shown=is_terminal: shown)

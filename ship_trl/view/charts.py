@@ -24,6 +24,7 @@ from ship_trl.sim.state import GOAL_X, GOAL_Y
 from ship_trl.view.episode import Telemetry, measure_episode
 from ship_trl.view.style import (
     BEST_KNOWN,
+    BLACK,
     CHART,
     CHART_OUTCOMES,
     CHART_SERIES,
@@ -31,13 +32,14 @@ from ship_trl.view.style import (
     GOAL,
     MUTED,
     OTHERS,
-    SCRATCH,
     SHIPS,
     Style,
     add_legend,
+    arm_in,
     arm_styles,
     circle_names,
     counted,
+    look_of,
     number,
     save_figure,
 )
@@ -55,6 +57,8 @@ ENDS = {"collision": ("x", "ends in a collision"), "timeout": ("|", "ends by the
 MARK_TIME, MARGIN = 10.0, 70.0
 # Panels in a row, and the inches of one: wider where there are few.
 PATHS_COLUMNS, PATHS_WIDTH, PATHS_MIN_WIDTH = 5, 3.0, 5.5
+# Diameter of a ship's number, as a share of the narrowest panel's width.
+BADGE = 0.1
 
 Returns = NDArray[np.float64]
 
@@ -86,7 +90,7 @@ def draw_curve(path: Path, rows: Sequence[Row], best_return: float | None, title
         greedy = evaluated.loc[ended, ["episode", "greedy_return"]].to_numpy()
         if len(greedy) and not has_rates:
             # A cross consists only of its edge.
-            edge = colour if marker == "x" else SCRATCH
+            edge = colour if marker == "x" else BLACK
             label = f"greedy: {outcome} ({len(greedy)})"
             upper.plot(*greedy.T, markersize=7, mec=edge, zorder=4, label=label, **style)
     episodes, mean = finished["episode"], moving_mean(finished["return"], MEAN_OVER)
@@ -94,10 +98,10 @@ def draw_curve(path: Path, rows: Sequence[Row], best_return: float | None, title
     upper.plot(episodes, mean, color=CHART_SERIES[0], linewidth=2.2, label=label)
     steps, returns = evaluated["episode"], evaluated["greedy_return"]
     label = "greedy evaluation, mean" if has_rates else "greedy evaluation"
-    upper.step(steps, returns, where="post", color=SCRATCH, linewidth=1.2, label=label)
+    upper.step(steps, returns, where="post", color=BLACK, linewidth=1.2, label=label)
     if has_rates:
         label, rates = "greedy share of goals", evaluated["greedy_success_rate"]
-        lower.step(steps, rates, where="post", color=SCRATCH, linewidth=1.2, label=label)
+        lower.step(steps, rates, where="post", color=BLACK, linewidth=1.2, label=label)
     upper.set_ylabel("return of an episode (undiscounted raw reward)")
     if best_return is not None:
         best = f"best known: {best_return:.1f}"
@@ -130,10 +134,10 @@ def draw_transfer(
         seeds += ", median; band: from the worst to the best"
     label = f"from scratch: {seeds}; mean of all episodes {number(scratch.mean(), '.0f')}"
     episodes = np.arange(1, smooth.shape[1] + 1)
-    _draw_band(axes, episodes, smooth, label, {"color": SCRATCH, "linestyle": "--"}, 2.2)
+    _draw_band(axes, episodes, smooth, label, look_of("scratch"), 2.2)
     mean = moving_mean(returns, MEAN_OVER)
     label = f"{arm}, this run; mean of all episodes {number(float(np.mean(returns)), '.0f')}"
-    axes.plot(np.arange(1, len(mean) + 1), mean, color=CHART_SERIES[0], linewidth=2.8, label=label)
+    axes.plot(np.arange(1, len(mean) + 1), mean, **look_of(arm), linewidth=2.8, label=label)
     if best_return is not None:
         label = f"best known return: {best_return:.1f}"
         axes.axhline(best_return, color=BEST_KNOWN, linestyle=":", linewidth=2.2, label=label)
@@ -233,47 +237,51 @@ def draw_trajectories(
         for one in paths if len(groups) > 1 else ():
             label = "the other policies"
             axes.plot(*one.states[:, :2].T, color=OTHERS, linewidth=0.8, zorder=1, label=label)
+        arm = arm_in(name)
+        colour = CHART_SERIES[0] if arm is None else str(look_of(arm)["color"])
         for one in group:
-            _draw_path(axes, one, is_thin=len(group) > 1)
+            _draw_path(axes, one, colour, is_thin=len(group) > 1)
     add_legend(figure, panels, "left", 2 if columns < 3 else 3, 9.5)
     title = f"case {case.name}"
     figure.suptitle(title, fontsize=13, fontweight="bold", x=0.01, ha="left")
     save_figure(figure, path)
 
 
-def _draw_path(axes: Axes, one: Telemetry, is_thin: bool) -> None:
+def _draw_path(axes: Axes, one: Telemetry, colour: str, is_thin: bool) -> None:
     """Draw a path, the safe distance at its closest approach to a ship, and a bad end."""
     alpha, own, size = 0.45 if is_thin else 1.0, one.states[:, :2], 3 if is_thin else 5
     label = f"path with a mark every {MARK_TIME:g} s"
     every = max(1, round(MARK_TIME / one.world.dt))
-    axes.plot(*own.T, "o-", c=CHART_SERIES[0], markevery=every, zorder=4, ms=size, lw=size / 3, label=label)
+    axes.plot(*own.T, "o-", c=colour, markevery=every, zorder=4, ms=size, lw=size / 3, label=label)
     closest = one.closest_places()
     if closest is not None:
         x, y = closest[0].tolist()
         radius = one.world.safe_distance
-        axes.add_patch(Circle((x, y), radius, fill=False, edgecolor=CHART_SERIES[0], zorder=3, alpha=alpha))
+        axes.add_patch(Circle((x, y), radius, fill=False, edgecolor=colour, zorder=3, alpha=alpha))
         label = f"closest approach, circle {radius:g} m"
         style: Style = {"marker": ".", "markersize": 7, "markevery": [1], "linewidth": 1}
-        axes.plot(*np.stack(closest).T, color=CHART_SERIES[0], alpha=alpha, zorder=5, label=label, **style)
+        axes.plot(*np.stack(closest).T, color=colour, alpha=alpha, zorder=5, label=label, **style)
     if one.outcome in ENDS:
         marker, label = ENDS[one.outcome]
-        axes.plot(*own[-1], marker, color=CHART_SERIES[0], markersize=13, mew=3, zorder=6, label=label)
+        axes.plot(*own[-1], marker, color=colour, markersize=13, mew=3, zorder=6, label=label)
 
 
 def _draw_ships(axes: Axes, longest: Telemetry) -> None:
     """Draw the target ships' paths, and number each where it enters the picture."""
     every = max(1, round(MARK_TIME / longest.world.dt))
     low, high = np.transpose([axes.get_xlim(), axes.get_ylim()])
-    inset = 0.04 * (high[1] - low[1])
+    inset, width, taken = 0.04 * (high[1] - low[1]), high[0] - low[0], list[NDArray[np.float64]]()
     badge = {"boxstyle": "circle,pad=0.25", "facecolor": SHIPS, "edgecolor": "none"}
     style: Style = {"ha": "center", "va": "center", "fontsize": 10, "fontweight": "bold"}
     for k, places in enumerate(longest.ships.swapaxes(0, 1), 1):
         label = "target ship, numbered"
         axes.plot(*places.T, "o-", c=SHIPS, lw=1.2, ms=3.5, markevery=every, zorder=2, label=label)
-        inside = ((places > low + inset) & (places < high - inset)).all(1)
-        if inside.any():
-            x, y = places[inside.argmax()]
-            axes.text(x, y, f"{k}", color="white", bbox=badge, zorder=7, **style)
+        inside = places[((places > low + inset) & (places < high - inset)).all(1)]
+        # On its own path, but not on another number.
+        free = [place for place in inside if all(math.dist(place, other) > BADGE * width for other in taken)]
+        if len(inside):
+            taken.append((free or inside)[0])
+            axes.text(*taken[-1], f"{k}", color="white", bbox=badge, zorder=7, **style)
 
 
 def _set_limits(axes: Axes, paths: Sequence[Telemetry]) -> None:

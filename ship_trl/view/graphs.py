@@ -12,7 +12,7 @@ from matplotlib.ticker import MaxNLocator
 from ship_trl.view import pen
 from ship_trl.view.episode import EpisodeView, Numbers
 from ship_trl.view.pen import Point
-from ship_trl.view.style import BACKGROUND, FAINT, PAIR, RULE, SERIES, TEXT, VERMILION, Colour, number
+from ship_trl.view.style import BACKGROUND, FAINT, RULE, SERIES, TEXT, VERMILION, Colour, number, pair_colours
 
 # Share of the background over the future.
 DIMMED = 0.6
@@ -59,10 +59,16 @@ class Graph:
                 pen.write(drawn, f"{step}", (right, below), FAINT, size, across=0.5)
         pen.write(drawn, "step", (room.right, below), FAINT, size, across=1)
         x = pen.write(drawn, title, (0, 0.7 * size), TEXT, size, True) + size
-        # In a narrow graph the letters of the legend are smaller.
-        names = [pen.cut(line.name, 0.4 * box.width, size) for line in lines]
-        needed = sum(pen.width_of(name, size) + 4 * size for name in names)
-        small = max(8, min(size, int(size * (box.width - x) / needed)))
+        # In a narrow graph the letters of the legend are smaller, and long names are cut.
+        names, room_left = [line.name for line in lines], box.width - x
+        widths = (
+            (small, sum(pen.width_of(name, small) + 4 * small for name in names))
+            for small in range(size, 7, -1)
+        )
+        small = next((small for small, needed in widths if needed <= room_left), 0)
+        if not small:
+            small, share = 8, room_left / len(names) - 32
+            names = [pen.cut(name, share, small) for name in names]
         for line, name in zip(lines, names, strict=True):
             places = [self.place(step, float(value)) for step, value in enumerate(line.values)]
             sample = [(x, 0.7 * size), (x + 2.6 * small, 0.7 * size)]
@@ -110,7 +116,8 @@ def make_graphs(views: Sequence[EpisodeView], strip: pygame.Rect, unit: float) -
             for k, (name, values) in enumerate(named):
                 lines.append(Line(name, values, SERIES[k % len(SERIES)], DASHES[k % len(DASHES)]))
     else:
-        for view, name, colour, dash in zip(views, "AB", PAIR, PAIR_DASHES, strict=True):
+        colours = pair_colours([view.title for view in views])
+        for view, name, colour, dash in zip(views, "AB", colours, PAIR_DASHES, strict=True):
             numbers = view.telemetry
             returns.append(Line(f"{name} {view.title}", numbers.total, colour, dash, 3))
             distances.append(Line(f"{name} to goal", numbers.goal_distance, colour, dash, 3))

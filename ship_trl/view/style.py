@@ -5,7 +5,8 @@ The colours and shapes of ships are in `ship_trl.sim.scene`, because the network
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
+from contextlib import suppress
 from itertools import chain
 from pathlib import Path
 from typing import Any
@@ -14,6 +15,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.typing import RcKeyType
 
+from ship_trl.config.arm import Arm
 from ship_trl.config.types import World
 from ship_trl.files.disk import atomic_write
 
@@ -36,13 +38,16 @@ SKY, ORANGE, GREEN = (86, 180, 233), (230, 159, 0), (0, 190, 140)
 YELLOW, VERMILION, PURPLE = (240, 228, 66), (235, 110, 40), (215, 140, 185)
 SERIES = (SKY, ORANGE, GREEN, PURPLE, YELLOW, VERMILION)
 GOAL_MARK = SKY
-# The two episodes of a comparison.
+# The two episodes of a comparison that names no two arms.
 PAIR = (SKY, ORANGE)
 
 # Charts: the colours of Okabe and Ito. Dashes tell lines apart without colour.
-SCRATCH = "#000000"
+BLACK = "#000000"
 CHART_SERIES = ("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#E69F00", "#56B4E9")
 CHART_DASHES = ("-", "--", "-.", ":")
+BLUE, AMBER, LIGHT_BLUE = CHART_SERIES[0], *CHART_SERIES[4:]
+BROWN, GREY = "#7F5539", "#6B7280"
+DASHED, DOTTED, DASH_DOTTED = (0, (4, 1.5)), (0, (1, 1)), (0, (4, 1, 1, 1))
 CHART_OUTCOMES = {"goal": ("#009E73", "o"), "collision": ("#D55E00", "x"), "timeout": ("#7A7A7A", "^")}
 BEST_KNOWN, EPSILON = "#CC79A7", "#E69F00"
 MUTED, OTHERS, SHIPS, GOAL = "#7A7A7A", "#D4D4D4", "#5A5A5A", "#B02020"
@@ -66,15 +71,67 @@ def blend(colour: Colour, background: Colour, share: float) -> Colour:
     return red, green, blue
 
 
-def arm_styles(names: list[str]) -> dict[str, dict[str, str]]:
-    """Return colour and dashes of each arm: scratch is solid black, the others follow the palette."""
-    others = [name for name in names if name != "scratch"]
-    styles = {"scratch": {"color": SCRATCH, "linestyle": "-"}}
-    for k, name in enumerate(others):
-        colour = CHART_SERIES[k % len(CHART_SERIES)]
-        # After 12 arms colours and dashes would repeat together, so the dashes shift by one.
-        styles[name] = {"color": colour, "linestyle": CHART_DASHES[(k + k // 12) % len(CHART_DASHES)]}
+def line(colour: str, dashes: Any = "-") -> Style:
+    """Return the look of a line in a chart."""
+    return {"color": colour, "linestyle": dashes}
+
+
+# The look of every arm in all charts, pages and films: by its name, else by its ending (all controls of one
+# kind look alike), else by the letters that it begins with.
+ARMS = {
+    "scratch": line(BLACK),
+    **{f"FE{k}": line(colour) for k, colour in enumerate(CHART_SERIES[:4], 1)},
+    **{f"FT{k}": line(colour, DASHED) for k, colour in enumerate(CHART_SERIES[:4], 1)},
+    "FTW": line(AMBER, DASH_DOTTED),
+}
+CONTROLS = {"-random": line(LIGHT_BLUE, DOTTED), "-permuted": line(BROWN, DASH_DOTTED)}
+OTHER_ARMS = dict(
+    zip(("FE", "FT", "GU", "SP", "G", "QD", "QR"), (LIGHT_BLUE, BROWN, *CHART_SERIES), strict=False)
+)
+# The colours of charts as they are on the dark background of a film.
+ON_DARK = {
+    BLACK: TEXT,
+    **dict(zip(CHART_SERIES, ((90, 155, 235), VERMILION, GREEN, PURPLE, ORANGE, SKY), strict=True)),
+    BROWN: (196, 150, 112),
+}
+
+
+def look_of(arm: str) -> Style:
+    """Return colour and dashes of an arm; what is no arm is grey."""
+    endings = (look for ending, look in CONTROLS.items() if arm.endswith(ending))
+    colours = (colour for prefix, colour in OTHER_ARMS.items() if arm.startswith(prefix))
+    return ARMS.get(arm) or next(endings, None) or line(next(colours, GREY), DOTTED)
+
+
+def arm_in(title: str) -> str | None:
+    """Return the arm that a title such as "high FT3 seed 0, best" names, or None."""
+    for word in title.replace(",", " ").split():
+        with suppress(ValueError):
+            return Arm.parse(word).name
+    return None
+
+
+def arm_styles(names: Sequence[str]) -> dict[str, Style]:
+    """Return colour and dashes of lines by their names, in which each arm has its look.
+
+    Where two would look alike, as runs of an arm with other settings, the later one has other dashes. Names
+    without an arm take the colours of the palette in turn.
+    """
+    styles: dict[str, Style] = {}
+    for k, name in enumerate(names):
+        arm = arm_in(name)
+        look = line(CHART_SERIES[k % len(CHART_SERIES)]) if arm is None else look_of(arm)
+        dashes = [look["linestyle"], *CHART_DASHES]
+        free = (one for one in dashes if line(look["color"], one) not in styles.values())
+        styles[name] = line(look["color"], next(free, look["linestyle"]))
     return styles
+
+
+def pair_colours(titles: Sequence[str]) -> tuple[Colour, ...]:
+    """Return the colours of the episodes of a comparison: those of their arms, if they differ."""
+    arms = enumerate(map(arm_in, titles))
+    colours = tuple(PAIR[k] if arm is None else ON_DARK.get(look_of(arm)["color"], FAINT) for k, arm in arms)
+    return colours if len(set(colours)) == len(colours) else PAIR
 
 
 def number(value: float, form: str) -> str:

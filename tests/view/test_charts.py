@@ -1,5 +1,6 @@
 """Charts: each line is at its height, and each panel and legend at its place."""
 
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -15,7 +16,7 @@ from ship_trl.files.record import RunRecord
 from ship_trl.sim.cases import load_case
 from ship_trl.view import charts
 from ship_trl.view.charts import draw_comparison, draw_curve, draw_trajectories, draw_transfer
-from ship_trl.view.style import CHART_SERIES, SCRATCH
+from ship_trl.view.style import ARMS, BLACK, CHART_SERIES, arm_styles, look_of, pair_colours
 from tests.a_result import a_result
 from tests.view.episodes import run_actions
 
@@ -71,8 +72,8 @@ def test_a_transfer_and_scratch_have_their_lines_at_their_heights(tmp_path: Path
     draw_transfer(tmp_path / "transfer.png", "FT3", [50.0] * 120, scratch, 83.9, "case $1 -> case 2_")
     picture = read(tmp_path / "transfer.png")
     axes = picture[60:600, 120:1100]
-    run, black = pixels_of(axes, CHART_SERIES[0]), pixels_of(axes, SCRATCH)
-    assert len(set(run[:, 1])) > 900 and len(set(black[:, 1])) > 400
+    run, black = pixels_of(axes, look_of("FT3")["color"]), pixels_of(axes, BLACK)
+    assert len(set(run[:, 1])) > 600 and len(set(black[:, 1])) > 600
     assert np.ptp(black[:, 0]) < 10 and np.ptp(run[:, 0]) < 10
     assert black[:, 0].min() > run[:, 0].max() + 200
 
@@ -91,7 +92,7 @@ def made(returns: NDArray[np.float64], greedy: NDArray[np.float64]) -> RunRecord
 
 def test_every_arm_has_its_line_at_its_height_and_panels_stand_in_rows_of_three(tmp_path: Path) -> None:
     path = tmp_path / "curves.png"
-    groups = {"FE3": [curve(0.0), curve(10.0), curve(5.0)], "FT3": [curve(50.0), curve(50.0, 55)]}
+    groups = {"FE1": [curve(0.0), curve(10.0), curve(5.0)], "FT2": [curve(50.0), curve(50.0, 55)]}
     names = [f"case {k}" for k in range(5)]
     draw_comparison(path, dict.fromkeys(names, groups))
     picture = read(path)
@@ -136,3 +137,38 @@ def test_each_group_of_paths_has_a_panel(world: World, tmp_path: Path, case: str
     draw_trajectories(tmp_path / "paths.png", chosen, world, {f"$g_{k}$": [one] for k in range(panels)})
     apart = read(tmp_path / "paths.png").astype(int) - list(bytes.fromhex(CHART_SERIES[0][1:]))
     assert (np.abs(apart).max(-1) < 12).sum() > 100 + 150 * panels
+
+
+def test_numbers_of_ships_on_one_path_do_not_overlap(
+    world: World, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    case = load_case("4", world)
+    crowded = replace(case, target_ships=[case.target_ships[0]] * 3)
+    drawn: list[Figure] = []
+    monkeypatch.setattr("ship_trl.view.charts.save_figure", lambda figure, _: drawn.append(figure))
+    episodes = {f"group {k}": [run_actions(crowded, world, (3, 4))] for k in range(6)}
+    draw_trajectories(tmp_path / "paths.png", crowded, world, episodes)
+    (figure,) = drawn
+    figure.draw_without_rendering()
+    for axes in figure.axes[:6]:
+        boxes = [text.get_window_extent() for text in axes.texts]
+        assert len(boxes) == 3
+        assert not any(box.overlaps(other) for k, box in enumerate(boxes) for other in boxes[:k])
+
+
+def test_an_arm_looks_alike_wherever_it_is_named() -> None:
+    styles = arm_styles(["scratch", "a/b: FT3", "FE3-random", "SP2", "FT3"])
+    assert styles["FT3"]["color"] == styles["a/b: FT3"]["color"] == look_of("FT3")["color"]
+    # The same arm with other settings: another line.
+    assert styles["FT3"] != styles["a/b: FT3"] == look_of("FT3")
+    assert styles["SP2"] == look_of("SP9") and styles["FE3-random"] == look_of("FT4-random")
+    looks = list(ARMS.values())
+    assert not any(look in looks[:k] for k, look in enumerate(looks))
+
+
+def test_in_a_film_two_arms_have_their_colours_and_others_the_usual_pair() -> None:
+    first, second = pair_colours(["high FT3 seed 0, best", "high scratch seed 0, best"])
+    assert pair_colours(["low FT3 seed 4, final", "vo"])[0] == first
+    usual = pair_colours(["vo", "random"])
+    assert pair_colours(["high FT3 seed 0, best", "high FT3 seed 1, best"]) == usual
+    assert len({first, second, *usual}) == 4

@@ -31,7 +31,6 @@ from ship_trl.study.plan import (
     scratch_place,
 )
 from ship_trl.study.report.style import (
-    GREY,
     PALE,
     REUSED_NAMES,
     WIDTH,
@@ -42,7 +41,7 @@ from ship_trl.study.report.style import (
     smooth,
 )
 from ship_trl.study.study import Study, pairs, places_of
-from ship_trl.view.style import Style
+from ship_trl.view.style import GREY, Style
 
 # The share of a panel's height below the training returns, where the exploration rate is drawn.
 STRIP = 0.14

@@ -23,7 +23,7 @@ from ship_trl.study.report.curves import cases_of, pair_title
 from ship_trl.study.statistics import TOLERANCE, Estimate, interquartile_mean
 from ship_trl.study.study import Places, Study, pairs, places_of
 from ship_trl.study.tables import OTHER_SEED, SOURCE, UNTRAINED
-from ship_trl.view.style import Style
+from ship_trl.view.style import BLACK, BLUE, BROWN, DASHED, DOTTED, GREY, Style, line
 
 MAP_ARMS = (*FE, *CONTROL_ARMS, *FT, WHOLE)
 TITLES = {"area": "Gain in training returns", "greedy area": "Gain in greedy returns"}
@@ -158,10 +158,10 @@ FOREST_ARMS = (*FE, *FT, WHOLE, *CONTROL_ARMS)
 GROUP_ENDS, SHIFT = (FE[-1], FT[-1], WHOLE), 0.3
 # Shares beyond which an interval is cut off.
 LEAST, MOST = -1.25, 1.25
-ARM: Style = {"color": style.BLUE, "marker": "o", "markersize": 5, "linewidth": 1.6}
-CONTROL: Style = ARM | {"color": style.BROWN, "marker": "s", "markersize": 4}
+ARM: Style = {"color": BLUE, "marker": "o", "markersize": 5, "linewidth": 1.6}
+CONTROL: Style = ARM | {"color": BROWN, "marker": "s", "markersize": 4}
 OWN: Style = {
-    "color": style.GREY,
+    "color": GREY,
     "marker": "o",
     "markersize": 3,
     "markerfacecolor": "white",
@@ -267,7 +267,7 @@ def draw_rows(axis: Axes, forest: Forest, rows: list[str], share: float | None) 
     axis.axvline(1, **BEST)
     for row, arm in enumerate(rows):
         if arm in GROUP_ENDS and row < len(rows) - 1:
-            axis.axhline(row + 0.5 + SHIFT / 2, color=style.GREY, linewidth=0.3)
+            axis.axhline(row + 0.5 + SHIFT / 2, color=GREY, linewidth=0.3)
         mark = CONTROL if arm in CONTROL_ARMS else ARM
         for gains, height, look in ((forest.own, row + SHIFT, OWN), (forest.gains, row, mark)):
             if found := gains.get(arm):
@@ -283,8 +283,8 @@ def draw_rows(axis: Axes, forest: Forest, rows: list[str], share: float | None) 
 COMPARED = {
     (WHOLE, SOURCE): ("FTW and its source", style.look_of(WHOLE)),
     (SCRATCH, OTHER_SEED): ("scratch and another seed", style.look_of(SCRATCH)),
-    (SCRATCH, SOURCE): ("scratch and the source", style.line("#000000", style.DASHED)),
-    (SCRATCH, UNTRAINED): ("scratch and random weights", style.line("#000000", style.DOTTED)),
+    (SCRATCH, SOURCE): ("scratch and the source", line(BLACK, DASHED)),
+    (SCRATCH, UNTRAINED): ("scratch and random weights", line(BLACK, DOTTED)),
 }
 
 

@@ -17,19 +17,10 @@ from PIL import Image
 from ship_trl.files.curve import moving_mean
 from ship_trl.files.disk import atomic_write
 from ship_trl.study.compare import SEED
-from ship_trl.study.plan import (
-    CONTROL_KINDS,
-    FE,
-    FT,
-    LOW_EPSILON,
-    SCRATCH,
-    SOURCE_CASES,
-    TRANSFERS,
-    WHOLE,
-    control_arm,
-)
+from ship_trl.study.plan import LOW_EPSILON, SOURCE_CASES, WHOLE
 from ship_trl.study.statistics import MIN_BAND_SEEDS, band
-from ship_trl.view.style import CHART, CHART_SERIES, Style
+from ship_trl.view import style as view
+from ship_trl.view.style import BROWN, CHART, CHART_SERIES, DASHED, Style, line
 
 # Inches, close to the size on the page, which is at most 75 rem wide.
 WIDTH = 11.0
@@ -59,47 +50,27 @@ REPORT: dict[RcKeyType, Any] = {
 }
 # A curve is a moving mean over this share of its values, drawn at this many points.
 SMOOTH, POINTS = 0.05, 150
-GREY, PALE = "#6b7280", "#d9dce1"
-# Colours that colour-blind people can tell apart; in black and white the dashes differ.
-BLUE, VERMILION, GREEN, PINK, ORANGE, SKY = CHART_SERIES
-BROWN = "#7f5539"
-DASHED, DOTTED, DASH_DOTTED = (0, (4, 1.5)), (0, (1, 1)), (0, (4, 1, 1, 1))
+PALE = "#d9dce1"
 EPSILON = "\N{GREEK SMALL LETTER EPSILON}"
 # Names of the reused network in figures.
 REUSED_NAMES = {"reused, low": f"reused, {EPSILON} {LOW_EPSILON:g}", "reused, 1": f"reused, {EPSILON} 1"}
 
 
-def line(colour: str, dashes: Any = "-") -> Style:
-    """Return the look of a line."""
-    return {"color": colour, "linestyle": dashes}
-
-
-# The look of every arm. All controls of a kind look alike; networks on the new case are named by source.
+# Looks of the networks on the new case: of the reused one, and by source.
 LOOKS = {
-    SCRATCH: line("#000000"),
-    **{arm: line(colour) for arm, colour in zip(FE, (BLUE, VERMILION, GREEN, PINK), strict=True)},
-    **{arm: line(colour, DASHED) for arm, colour in zip(FT, (BLUE, VERMILION, GREEN, PINK), strict=True)},
-    **{
-        control_arm(arm, kind): look
-        for kind, look in zip(CONTROL_KINDS, (line(SKY, DOTTED), line(BROWN, DASH_DOTTED)), strict=True)
-        for arm in TRANSFERS
-    },
-    **dict.fromkeys((WHOLE, *REUSED_NAMES.values()), line(ORANGE, DASH_DOTTED)),
+    **dict.fromkeys(REUSED_NAMES.values(), view.look_of(WHOLE)),
     **{
         f"case {case}": line(colour, DASHED if k % 2 else "-")
         for k, (case, colour) in enumerate(
-            zip(SOURCE_CASES, (BLUE, VERMILION, GREEN, PINK, SKY, BROWN), strict=True)
+            zip(SOURCE_CASES, (*CHART_SERIES[:4], CHART_SERIES[5], BROWN), strict=True)
         )
     },
 }
-# Other methods of transfer by the letters that their arms begin with.
-OTHER_LOOKS = {"FE": SKY, "FT": BROWN, "GU": BLUE, "SP": VERMILION, "G": GREEN, "QD": PINK, "QR": ORANGE}
 
 
-def look_of(arm: str) -> Style:
-    """Return the look of an arm; unknown ones are grey."""
-    colours = (colour for prefix, colour in OTHER_LOOKS.items() if arm.startswith(prefix))
-    return LOOKS.get(arm) or line(next(colours, GREY), DOTTED)
+def look_of(name: str) -> Style:
+    """Return the look of an arm, or of a network on the new case."""
+    return LOOKS.get(name) or view.look_of(name)
 
 
 def points(count: int) -> NDArray[np.int64]:

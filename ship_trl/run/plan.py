@@ -6,6 +6,7 @@ import dataclasses
 import hashlib
 import json
 import os
+import re
 import shlex
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
@@ -363,6 +364,17 @@ def differences(values: Any, others: Any, prefix: str = "") -> list[str]:
     known = dict(flatten(plain(others), prefix))
     found = flatten(values if isinstance(values, dict) else plain(values), prefix)
     return [f"{key}={value}" for key, value in found if key in known and known[key] != value]
+
+
+def tracked_settings(run: Run) -> dict[str, Any]:
+    """Return a run's configuration for trackers, behind the names by which they group runs.
+
+    These are `task` (the pair, or the target), `arm` and `algo`.
+    """
+    config = run.config
+    algorithm = re.split(r"[./]", config.algorithm["build"].rpartition(":")[0].removesuffix(".py"))[-1]
+    names = {"task": config.label, "arm": config.arm_label, "algo": algorithm}
+    return names | plain(config) | {"config_hash": run.config_hash}
 
 
 def flatten(values: Any, prefix: str = "") -> Iterator[tuple[str, Any]]:

@@ -51,7 +51,7 @@ def write_jobs(jobs: list[Job], config: StudyConfig) -> None:
         values |= {
             "output": str(study / job.part),
             "case_base": str(study / CASE_BASE),
-            "wandb": {"folder": str(study), "group": f"{job.part}/{job.label}"},
+            "wandb": {"folder": str(study), "group": study.name},
         }
         with atomic_write(folder / f"{job.name}.yaml") as draft:
             draft.write_text("# @package _global_\n" + OmegaConf.to_yaml(values))
@@ -283,7 +283,7 @@ def log_summary(config: StudyConfig) -> None:
             entity=config.wandb.entity,
             mode="online" if config.wandb.mode is WandbMode.online else "offline",
             dir=str(config.folder),
-            group=REPORT,
+            group=config.folder.absolute().name,
             job_type=REPORT,
             name=f"report of {config.folder.name}",
             id=f"{REPORT}-{digest}",

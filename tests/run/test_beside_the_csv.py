@@ -7,11 +7,13 @@ from pathlib import Path
 import numpy as np
 import pytest
 from tensorboard.backend.event_processing.event_accumulator import EventAccumulator
+from tensorboard.plugins.hparams.plugin_data_pb2 import HParamsPluginData
 
 from tests.command import KEYS, files, ship_trl
 
 LINE = ("profile=smoke", "target=1", "method=scratch", "learn.batch_size=8", "learn.jumpstart_draws=0")
 RUN = "1/scratch/seed=0"
+START = "_hparams_/session_start_info"
 
 
 @pytest.fixture(scope="module")
@@ -45,6 +47,20 @@ def test_tensorboard_has_the_numbers_of_the_csv(logged: tuple[Path, str], events
         written = {int(row["episode"]): float(row[column]) for row in rows if row[column]}
         shown = {scalar.step: scalar.value for scalar in events.Scalars(name)}
         assert written and shown == {step: np.float32(value) for step, value in written.items()}
+
+
+def test_tensorboards_hparams_hold_the_settings_in_the_same_run(
+    logged: tuple[Path, str], events: EventAccumulator
+) -> None:
+    assert not list((logged[0] / RUN).glob("*/events.out*"))
+    found = events.summary_metadata.keys()
+    data = HParamsPluginData.FromString(events.summary_metadata[START].plugin_data.content)
+    settings = data.session_start_info.hparams
+    assert settings["arm"].string_value == "scratch" and settings["algo"].string_value == "double_dqn"
+    assert settings["learn.batch_size"].number_value == 8 and settings["seed"].number_value == 0
+    # It would fix the columns of a whole grid.
+    assert "_hparams_/experiment" not in found and "_hparams_/session_end_info" in found
+    assert {"best/return", "best/success_rate"} <= set(events.Tags()["scalars"])
 
 
 def test_a_run_prints_where_it_was_logged(logged: tuple[Path, str]) -> None:

@@ -85,6 +85,16 @@ def test_without_a_network_or_with_a_wrong_key_it_logs_offline(
     assert capsys.readouterr().out == "wandb: the network is gone; this run is logged offline\n"
 
 
+def test_runs_are_found_by_task_arm_method_layers_and_algorithm(server: Server) -> None:
+    run = make_run(composed("+pair=high", "+arm=FT3", "logger=wandb", "output=out"))
+    start(run)
+    (given,) = server.begun
+    assert (given["group"], given["job_type"]) == ("high", "FT3")
+    assert given["tags"] == ["high", "FT3", "double_dqn", "finetune", "quick", "layers=3"]
+    config = given["config"]
+    assert (config["task"], config["arm"], config["algo"], config["seed"]) == ("high", "FT3", "double_dqn", 0)
+
+
 def test_a_wandb_refusal_comes_before_training(server: Server) -> None:
     server.fails["offline"] = Error("no such project")
     with pytest.raises(ConfigError, match=r"wandb: no such project; logger=csv trains without wandb"):

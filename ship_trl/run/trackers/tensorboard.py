@@ -10,14 +10,16 @@ from typing import Any
 import yaml
 from PIL import Image
 
-from ship_trl.config.types import plain
 from ship_trl.files.curve import Row
 from ship_trl.files.disk import writing
 from ship_trl.files.record import RunRecord
 from ship_trl.run import console
 from ship_trl.run.history import to_numbers
-from ship_trl.run.plan import Run
+from ship_trl.run.plan import Run, flatten, tracked_settings
 
+# Settings in the tab HParams.
+NAMES = ("task", "arm", "algo", "method", "layers", "seed", "observation")
+TUNED = ("learn.", "algorithm.", "transfer.")
 # A code block in TensorBoard's Markdown.
 CODE_BLOCK = "```\n{}\n```"
 
@@ -33,10 +35,9 @@ class TensorboardTracker:
         # Imported here because TensorBoard is optional; checks.py refuses the logger if it is not installed.
         from torch.utils.tensorboard import SummaryWriter
 
-        run = self._run
-        self._writer: Any = SummaryWriter(str(run.folder))
-        values = plain(run.config) | {"arm": run.config.arm_label, "config_hash": run.config_hash}
-        self._writer.add_text("config", CODE_BLOCK.format(yaml.safe_dump(values, sort_keys=False)))
+        self._writer: Any = SummaryWriter(str(self._folder))
+        text = yaml.safe_dump(tracked_settings(self._run), sort_keys=False)
+        self._writer.add_text("config", CODE_BLOCK.format(text))
 
     def log(self, row: Row) -> None:
         """Log the row of an event, with the episode as horizontal axis."""
@@ -45,12 +46,26 @@ class TensorboardTracker:
                 self._writer.add_scalar(name, value, row["episode"])
 
     def finish(self, result: RunRecord) -> None:
-        """Log the pictures and the result."""
+        """Log the pictures and the result, and the settings for the tab HParams.
+
+        `add_hparams` would write a second run, and name the columns that all runs of a grid share. Without
+        such names TensorBoard shows every setting, and the last value of every scalar.
+        """
+        from torch.utils.tensorboard.summary import hparams
+
+        settings = dict(flatten(tracked_settings(self._run)))
+        shown = {key: value for key, value in settings.items() if key in NAMES or key.startswith(TUNED)}
+        shown = {key: v if isinstance(v, (bool, int, float)) else str(v) for key, v in shown.items()}
+        _, start, end = hparams(shown, {})
         text = CODE_BLOCK.format(json.dumps(result.to_json(), indent=1))
         with writing(self._folder):
             self._add_image("learning curve", self._folder / "curve.png", result.episodes)
             self._add_image("greedy episode", self._folder / "episode.gif", result.episodes)
             self._writer.add_text("result", text, result.episodes)
+            for key in ("return", "success_rate"):
+                self._writer.add_scalar(f"best/{key}", result.to_json()["best"][key], result.episodes)
+            for summary in (start, end):
+                self._writer.file_writer.add_summary(summary)
 
     def _add_image(self, name: str, path: Path, step: int) -> None:
         """Log an image file unchanged: TensorBoard also plays GIFs, and `add_video` would need moviepy."""

@@ -11,22 +11,24 @@ from pathlib import Path
 from typing import Any, Literal
 
 from ship_trl.config.errors import ConfigError
-from ship_trl.config.types import WandbMode, plain
+from ship_trl.config.types import WandbMode
 from ship_trl.files.curve import Row
 from ship_trl.files.disk import atomic_write, read_file
 from ship_trl.files.record import RunRecord
 from ship_trl.run import console
 from ship_trl.run.history import to_numbers
-from ship_trl.run.plan import CHECKPOINTS, Run
+from ship_trl.run.plan import CHECKPOINTS, Run, tracked_settings
 
 # Seconds to wait for the network when a run starts, and for the upload when it ends.
 INIT_TIMEOUT, FINISH_TIMEOUT = 30.0, 120.0
+# Letters of a tag; wandb refuses longer ones.
+MAX_TAG = 64
 # Of the file with the hash of a run's settings and its id in wandb.
 MAX_NOTE_BYTES = 1000
 
 
 class WandbTracker:
-    """One wandb run: group = pair, job type = arm, curves over episodes, config, GIF, summary.
+    """One wandb run: group = study or pair, job type = arm, curves over episodes, config, GIF, summary.
 
     A resumed run continues in wandb under the same id. If wandb fails (network, account, full disk), the
     training continues without it.
@@ -59,7 +61,9 @@ class WandbTracker:
         """Start the run in wandb, or resume it there."""
         import wandb
 
-        run, config = self._run, self._run.config
+        config, settings = self._run.config, tracked_settings(self._run)
+        tags = [settings[key] for key in ("task", "arm", "algo", "method", "profile")]
+        tags += [f"layers={config.layers}"] * (config.layers is not None)
         self._folder.mkdir(parents=True, exist_ok=True)
         started = wandb.init(
             project=config.wandb.project,
@@ -71,8 +75,8 @@ class WandbTracker:
             group=config.wandb.group or config.label,
             job_type=config.arm_label,
             name=f"{config.label}/{config.arm_label}/seed={config.seed}",
-            tags=[config.profile],
-            config=plain(config) | {"arm": config.arm_label, "config_hash": run.config_hash},
+            tags=list(dict.fromkeys(tag[:MAX_TAG] for tag in tags)),
+            config=settings,
             reinit="finish_previous",
             settings=wandb.Settings(
                 init_timeout=INIT_TIMEOUT, finish_timeout=FINISH_TIMEOUT, finish_timeout_raises=True

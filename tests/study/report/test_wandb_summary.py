@@ -36,11 +36,12 @@ def test_a_study_is_one_project_with_a_summary_run(tmp_path: Path) -> None:
         found = records(path)
         (run,) = (record["run"] for record in found if record["type"] == "run")
         assert run["project"] == "mine"
-        runs[run["run_group"], run["display_name"]] = found
+        assert run["run_group"] == "smoke_study"
+        runs[run["job_type"], run["display_name"]] = found
     assert runs.keys() == {
         ("report", "report of smoke_study"),
-        *(("sources/1", f"1/scratch/seed={seed}") for seed in (0, 1)),
-        *(("pairs/high", f"high/FTW/seed={seed}") for seed in (0, 1)),
+        *(("scratch", f"1/scratch/seed={seed}") for seed in (0, 1)),
+        *(("FTW", f"high/FTW/seed={seed}") for seed in (0, 1)),
     }
     report = json.dumps(runs["report", "report of smoke_study"])
     assert all(name in report for name in ("pair_high", "arms", "table_2", "page"))

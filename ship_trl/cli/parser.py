@@ -75,7 +75,7 @@ def add_target(parser: Parser, default: str, metavar: str) -> None:
     parser.add_argument("target", nargs="?", type=read, default=f"target={default}", metavar=metavar)
 
 
-def add_size(parser: Parser, default: str, use: str) -> None:
+def add_size(parser: Parser, default: str | None, use: str) -> None:
     """Add `--size`, in pixels."""
 
     def read(text: str) -> tuple[int, int]:
@@ -85,7 +85,7 @@ def add_size(parser: Parser, default: str, use: str) -> None:
         require(width >= MIN_WIDTH and height >= MIN_HEIGHT, "--size", allowed, text)
         return width, height
 
-    parser.add_argument("--size", type=read, default=default, metavar="WxH", help=f"{use}, in pixels")
+    parser.add_argument("--size", type=read, default=default, metavar="WxH", help=f"in pixels, {use}")
 
 
 def add_output(parser: Parser, name: str, suffixes: Sequence[str], use: str) -> None:

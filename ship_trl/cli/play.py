@@ -23,7 +23,7 @@ def main(arguments: list[str] | None = None) -> None:
     keep = f"where episodes are kept; default: {folder}"
     parser.add_argument("--demonstrations", type=Path, default=folder, metavar="FOLDER", help=keep)
     parser.add_argument("--keep-nothing", action="store_true", help="keep no demonstrations")
-    add_size(parser, "1600x900", "of the window")
+    add_size(parser, None, "of the window; default: as large as the screen allows")
     options = parser.parse_args(arguments)
     with refusals():
         world = load_world()

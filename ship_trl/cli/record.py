@@ -43,7 +43,7 @@ def main(arguments: list[str] | None = None) -> None:
         "--maps", action="store_true", help="the maps of all episodes at once, in large letters"
     )
     parser.add_argument("--saliency", action="store_true", help="the pixels on which the highest Q depends")
-    add_size(parser, "1280x720", "of the film")
+    add_size(parser, "1280x720", "of the film; default: 1280x720")
     add_number(parser, "--fps", FrameRate, None, "frames a second; default: 10, of an MP4 30")
     add_number(parser, "--speed", Speed, 5.0, "times as fast as real time; default: 5")
     options = parser.parse_intermixed_args(arguments)

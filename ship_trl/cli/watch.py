@@ -22,7 +22,7 @@ def main(arguments: list[str] | None = None) -> None:
     parser = make_parser("watch", __doc__)
     add_policies(parser, DEFAULT_WORDS, "of the first random encounter, and of policies that draw")
     parser.add_argument("--compare", action="store_true", help="the first policy beside the second")
-    add_size(parser, "1600x900", "of the window")
+    add_size(parser, None, "of the window; default: as large as the screen allows")
     options = parser.parse_intermixed_args(arguments)
     with refusals():
         entries = split_suites(find_entries(options.words, options.colour), options.seed)

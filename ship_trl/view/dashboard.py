@@ -25,7 +25,6 @@ from ship_trl.view.style import (
     DANGER,
     FAINT,
     HEAT,
-    PAIR,
     RULE,
     SKY,
     TEXT,
@@ -34,12 +33,13 @@ from ship_trl.view.style import (
     action_text,
     blend,
     number,
+    pair_colours,
 )
 
 Views = tuple[EpisodeView, ...]
 Size = tuple[int, int]
 # A window is narrow below this ratio of width to height, and small below this share of the wide size.
-NARROW_RATIO, SMALL_SHARE = 1.3, 0.6
+NARROW_RATIO, SMALL_SHARE = 1.3, 0.67
 
 
 @dataclass
@@ -76,7 +76,9 @@ class Panel:
 
     def head(self, text: str) -> None:
         """Begin a section."""
-        self.write(text, self.room.left, self.down + 8 * self.unit, FAINT)
+        size = max(9, round(13 * self.unit))
+        words = pen.cut(text, self.room.width, size)
+        pen.write(self.surface, words, (self.room.left, self.down + 8 * self.unit), FAINT, size)
         self.down += 21 * self.unit
 
     def bar(self, start: float, end: float, middle: float, height: float, colour: Colour) -> None:
@@ -89,7 +91,7 @@ class Panel:
         """Draw what the network sees, and the saliency over it."""
         heat = self.view.salience(self.step) if self.has_saliency else None
         if self.view.sees_numbers:
-            self.head("the scene, which the network sees as numbers")
+            self.head("the scene, seen as numbers")
         elif not self.has_saliency:
             self.head(f"network's view, {scene.SIZE} \N{MULTIPLICATION SIGN} {scene.SIZE}")
         else:
@@ -171,7 +173,7 @@ class Panel:
             return
         about = "; DCPA and TCPA if all keep course and speed" if self.is_wide else ""
         self.head(f"target ships{about}")
-        rows = [(("ship", "distance", "closest", "DCPA", "TCPA"), (FAINT,) * 5)]
+        rows = [(("ship" if self.is_wide else "", "distance", "closest", "DCPA", "TCPA"), (FAINT,) * 5)]
         for k in range(count):
             time, is_danger = float(numbers.tcpa[step, k]), numbers.is_danger(step, k)
             cells = (
@@ -305,13 +307,13 @@ def step_at(size: Size, views: Sequence[EpisodeView], place: tuple[int, int]) ->
 def _draw_still(size: Size, views: Views, steps: tuple[int, ...], look: Look, status: str) -> pygame.Surface:
     """Draw everything but the scenes and the graphs."""
     surface, layout = pen.new_surface(*size, BACKGROUND), Layout(size, len(views))
-    unit = layout.unit
+    unit, colours = layout.unit, pair_colours([view.title for view in views])
     _draw_header(surface, views, status, unit)
     for k, (view, step) in enumerate(zip(views, steps, strict=True)):
         scene, beside, letters = layout.scene(k), layout.panel(k), round(19 * unit)
         if len(views) > 1:
             words = pen.cut(f"{'AB'[k]}  {view.title}", layout.width, letters, True)
-            pen.write(surface, words, (scene.left, scene.top - layout.title / 2), PAIR[k], letters, True)
+            pen.write(surface, words, (scene.left, scene.top - layout.title / 2), colours[k], letters, True)
         if layout.values:
             row = pygame.Rect(scene.left, scene.bottom + layout.legend, layout.side, layout.values)
             Panel(surface, row, unit, view, step, look.saliency).values()
@@ -321,7 +323,9 @@ def _draw_still(size: Size, views: Views, steps: tuple[int, ...], look: Look, st
             room = pygame.Rect(beside.left + column * (width + gap), beside.top, width, beside.height)
             panel = Panel(surface, room, unit, view, step, look.saliency)
             for draw in sections:
-                draw(panel)
+                # In a comparison a planner has no network whose view could be shown.
+                if draw is not Panel.network_view or view.network is not None or len(views) == 1:
+                    draw(panel)
     return surface
 
 

@@ -10,6 +10,7 @@ import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import lru_cache
+from itertools import chain, tee
 
 import numpy as np
 import pygame
@@ -42,8 +43,12 @@ LEAST_PIXELS, HULLS_IN_SAFE_DISTANCE = 9.0, 1.2
 GRID = blend(scene.OUTSIDE, scene.DISC, 0.22)
 GOAL_AREA = blend(GOAL_MARK, scene.DISC, 0.16)
 SHIP_TRACK, OWN_TRACK = blend(scene.TARGET, scene.DISC, 0.6), blend(scene.OWN, scene.DISC, 0.7)
-# A picture of fewer pixels has no words.
+# A picture of fewer pixels has no labels.
 SMALL_SIDE = 240
+# Radius of the badge behind a number, in sizes of its letters. A label that finds its place taken tries these
+# turns around its ship, on rings half its height apart.
+NORTH, BADGE, RINGS = "N", 0.72, 12
+TURNS = [k * math.pi / 4 for k in (0, 4, 2, 6, 1, 7, 3, 5)]
 # Metres around everything on the map, and the step to which its width is rounded up.
 MARGIN, WIDTH_STEP = 90.0, 100.0
 # Seconds of the way that a speed vector shows. A longer vector than this (m) is cut, outside the picture.
@@ -161,24 +166,80 @@ def paint_scene(
     is_danger = is_near or (has_ended and telemetry.outcome == "collision")
     colour, width = (DANGER, 3.0) if is_danger else (FAINT, max(1.0, frame.side / 600))
     pen.circle(picture, colour, frame.point(*own[:2]), world.safe_distance * frame.scale, width)
-    length = hull_length(world, frame.scale)
-    poses = [own, *np.column_stack((ships, telemetry.headings[step]))]
-    lengths = [scene.OWN_LENGTH, *[scene.TARGET_LENGTH] * len(ships)] if large else [length] * len(poses)
+    poses, lengths = ship_poses(telemetry, position, frame, large)
     speeds = [telemetry.states[step, SPEED], *telemetry.speeds[step]]
     for pose, way, speed in zip(poses, ways or [OWN_TRACK, *[SHIP_TRACK] * len(ships)], speeds, strict=True):
         course = np.array([math.cos(pose[HEADING]), math.sin(pose[HEADING])])
         end = pose[:2] + min(speed * ahead, MAX_VECTOR) * course
         pen.strip(picture, way, frame.point(*pose[:2]), frame.point(*end), 2.0 if ways else thin)
-    if frame.side >= SMALL_SIDE:
-        pen.write(picture, "goal", at, GOAL_MARK, text_size(frame.side, 18), across=0.5)
-        _draw_north(picture, frame)
-        _draw_scale(picture, frame)
-        for k, (pose, drawn) in enumerate(zip(poses[1:], lengths[1:], strict=True), 1):
-            _draw_number(picture, frame, pose, k, drawn)
-        if has_ended:
-            _draw_outcome(picture, str(telemetry.outcome))
+    for words, box in place_labels(telemetry, position, frame, large).items():
+        at = frame.point(*poses[int(words)][:2]) if words.isdecimal() else box.center
+        _draw_label(picture, frame, words, box, at)
     for k, (pose, drawn) in enumerate(zip(poses, lengths, strict=True)):
         pen.polygon(picture, scene.TARGET if k else scene.OWN, frame.hull(pose, drawn))
+
+
+def ship_poses(
+    telemetry: Telemetry, position: float, frame: Projection, large: bool
+) -> tuple[list[Numbers], list[float]]:
+    """Return x, y, heading of all ships, own ship's first, and the lengths (m) of their hulls."""
+    own, ships = telemetry.at(position)
+    poses = [own, *np.column_stack((ships, telemetry.headings[min(int(position), telemetry.steps)]))]
+    true = hull_length(telemetry.world, frame.scale)
+    own_length, length = (scene.OWN_LENGTH, scene.TARGET_LENGTH) if large else (true, true)
+    return poses, [own_length, *[length] * len(ships)]
+
+
+def place_labels(
+    telemetry: Telemetry, position: float, frame: Projection, large: bool = False
+) -> dict[str, pygame.Rect]:
+    """Return the box of each label in the picture of a scene by its words; no two overlap, and all are whole.
+
+    The labels are the arrow to the north "N", the scale "200 m", the outcome "GOAL" after the last step, the
+    word "goal", and the numbers of the target ships from "1" on. Where there is room, they keep clear of
+    hulls. What is outside the picture has no label, and a small picture has none at all.
+    """
+    side = frame.side
+    if side < SMALL_SIDE:
+        return {}
+    reach, size, left = north_reach(side), text_size(side, 16), 0.022 * side
+    metres = next(metres for metres in LENGTHS if metres * frame.scale > max(45, 3.5 * size))
+    scale = pygame.Rect(0, 0, metres * frame.scale + 2 * left, left + 8 + 1.7 * size)
+    scale.bottomleft = (0, side)
+    found = {NORTH: _box((1.75 * reach, 1.75 * reach), (3 * reach, 3 * reach)), f"{metres} m": scale}
+    if telemetry.outcome is not None and position >= telemetry.steps:
+        words, size = telemetry.outcome.upper(), text_size(side, 30)
+        width = pen.width_of(words, size, True) + 2 * size
+        found[words] = _box((side / 2, 1.4 * size), (width, 1.8 * size))
+    poses, lengths = ship_poses(telemetry, position, frame, large)
+    corners = [frame.hull(pose, one) for pose, one in zip(poses, lengths, strict=True)]
+    hulls = [pygame.Rect(*np.min(one, 0), *np.ptp(one, 0)) for one in corners]
+    size, badge = text_size(side, 18), 2 * BADGE * text_size(side, 20)
+    goal, word = telemetry.states[0, [GOAL_X, GOAL_Y]], (pen.width_of("goal", size), size)
+    wanted: list[tuple[str, Numbers, float, float, tuple[float, float], list[pygame.Rect]]]
+    wanted = [("goal", goal, 0.0, 0.0, word, hulls)]
+    for k, (pose, length) in enumerate(zip(poses[1:], lengths[1:], strict=True), 1):
+        # Abeam, so that neither the track nor the way ahead crosses it.
+        angle, away = frame.up - pose[HEADING], length * frame.scale * 0.28 + 0.52 * badge
+        wanted.append((str(k), pose[:2], angle, away, (badge, badge), hulls[:k] + hulls[k + 1 :]))
+    picture = pygame.Rect(0, 0, side, side)
+    for words, place, angle, away, sides, others in wanted:
+        x, y = frame.point(*place)
+        polar = ((away + k * sides[1] / 2, angle + turn) for k in range(RINGS) for turn in TURNS)
+        boxes = (_box((x + r * math.cos(turn), y + r * math.sin(turn)), sides) for r, turn in polar)
+        taken = list(found.values())
+        free, again = tee(box for box in boxes if picture.contains(box) and box.collidelist(taken) < 0)
+        clear = (box for box in free if box.collidelist(others) < 0)
+        place = next(chain(clear, again), None) if picture.collidepoint(x, y) else None
+        found |= {} if place is None else {words: place}
+    return found
+
+
+def _box(middle: Point, sides: tuple[float, float]) -> pygame.Rect:
+    """Return the whole pixels of a rectangle around a point."""
+    box = pygame.Rect((0, 0), [math.ceil(side) for side in sides])
+    box.center = round(middle[0]), round(middle[1])
+    return box
 
 
 @lru_cache(4)
@@ -204,53 +265,43 @@ def text_size(side: int, at_900: int) -> int:
     return max(12, round(at_900 * side / 900))
 
 
-def _draw_number(
-    picture: pygame.Surface, frame: Projection, pose: Numbers, number: int, length: float
-) -> None:
-    """Write a ship's number abeam of it, on a badge so that no line crosses it."""
-    right, down = frame.point(*pose[:2])
-    ahead, size = pose[HEADING] - frame.up + math.pi / 2, text_size(frame.side, 20)
-    reach = length * frame.scale * 0.28 + size * 0.75
-    at = (right + reach * math.sin(ahead), down + reach * math.cos(ahead))
-    pen.circle(picture, BACKGROUND, at, size * 0.72)
-    pen.write(picture, str(number), (at[0], at[1]), scene.TARGET, size, True, across=0.5)
+def north_reach(side: int) -> float:
+    """Return the pixels of half an arrow to the north in a picture of `side` pixels."""
+    return max(16.0, side / 28)
 
 
-def _draw_north(picture: pygame.Surface, frame: Projection) -> None:
-    """Draw an arrow to the north at the top left."""
-    reach = max(16.0, frame.side / 28)
-    compass = Projection(0.0, 0.0, frame.up, round(3.5 * reach), reach)
-    middle = compass.point(0, 0)
-    pen.circle(picture, BACKGROUND, middle, reach * 1.45)
-    pen.circle(picture, TEXT, middle, reach * 1.45, 1)
-    arrow = [compass.point(x, y) for x, y in ((0, 0.6), (0.5, -0.9), (0, -0.55), (-0.5, -0.9))]
-    pen.polygon(picture, TEXT, arrow)
-    pen.write(picture, "N", compass.point(0, 0.98), TEXT, text_size(frame.side, 17), True, across=0.5)
-
-
-def _draw_scale(picture: pygame.Surface, frame: Projection) -> None:
-    """Draw a bar of known length at the bottom left."""
-    metres = next(metres for metres in LENGTHS if metres * frame.scale > 45)
-    size, left = text_size(frame.side, 16), frame.side * 0.022
-    down, length = frame.side * 0.978, metres * frame.scale
-    width = max(length, pen.width_of(f"{metres} m", size))
-    box = pygame.Rect(0, 0, width + 2 * left, frame.side - down + 8 + 1.7 * size)
-    box.bottomleft = (0, frame.side)
-    pygame.draw.rect(picture, BACKGROUND, box, border_top_right_radius=6)
-    pygame.draw.rect(picture, TEXT, (left, down - 3, length, 3))
-    for end in (left, left + length - 2):
-        pygame.draw.rect(picture, TEXT, (end, down - 8, 2, 8))
-    pen.write(picture, f"{metres} m", (left, down - 6 - size * 0.75), TEXT, size)
-
-
-def _draw_outcome(picture: pygame.Surface, outcome: str) -> None:
-    """Write at the top how the episode ended."""
-    size = text_size(picture.get_width(), 30)
-    box = pygame.Rect(0, 0, pen.width_of(outcome.upper(), size, True) + 2 * size, size * 1.8)
-    box.midtop = (picture.get_width() // 2, round(size * 0.5))
-    pygame.draw.rect(picture, BACKGROUND, box, border_radius=round(size / 2))
-    pygame.draw.rect(picture, OUTCOMES[outcome], box, 2, border_radius=round(size / 2))
-    pen.write(picture, outcome.upper(), box.center, OUTCOMES[outcome], size, True, across=0.5)
+def _draw_label(picture: pygame.Surface, frame: Projection, words: str, box: pygame.Rect, at: Point) -> None:
+    """Draw a label of `place_labels`; `at` is the ship to which a number belongs."""
+    side = frame.side
+    if words == NORTH:
+        reach = north_reach(side)
+        compass = Projection(0.0, 0.0, frame.up, round(3.5 * reach), reach)
+        pen.circle(picture, BACKGROUND, box.center, reach * 1.45)
+        pen.circle(picture, TEXT, box.center, reach * 1.45, 1)
+        arrow = [compass.point(x, y) for x, y in ((0, 0.6), (0.5, -0.9), (0, -0.55), (-0.5, -0.9))]
+        pen.polygon(picture, TEXT, arrow)
+        pen.write(picture, words, compass.point(0, 0.98), TEXT, text_size(side, 17), True, across=0.5)
+    elif words.endswith(" m"):
+        size, left, down = text_size(side, 16), 0.022 * side, 0.978 * side
+        length = box.width - 2 * left
+        pygame.draw.rect(picture, BACKGROUND, box, border_top_right_radius=6)
+        pygame.draw.rect(picture, TEXT, (left, down - 3, length, 3))
+        for end in (left, left + length - 2):
+            pygame.draw.rect(picture, TEXT, (end, down - 8, 2, 8))
+        pen.write(picture, words, (left, down - 6 - size * 0.75), TEXT, size)
+    elif words.isdecimal():
+        # A line leads to a ship whose usual place was taken.
+        if math.dist(at, box.center) > 2.5 * box.width:
+            pygame.draw.aaline(picture, FAINT, at, box.center)
+        pen.circle(picture, BACKGROUND, box.center, box.width / 2)
+        pen.write(picture, words, box.center, scene.TARGET, text_size(side, 20), True, across=0.5)
+    elif words.isupper():
+        size, colour = text_size(side, 30), OUTCOMES[words.lower()]
+        pygame.draw.rect(picture, BACKGROUND, box, border_radius=round(size / 2))
+        pygame.draw.rect(picture, colour, box, 2, border_radius=round(size / 2))
+        pen.write(picture, words, box.center, colour, size, True, across=0.5)
+    else:
+        pen.write(picture, words, box.center, GOAL_MARK, text_size(side, 18), across=0.5)
 
 
 def draw_legend(

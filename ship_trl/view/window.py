@@ -34,8 +34,11 @@ from ship_trl.view.style import action_text, number
 
 DRIVER = "SDL_VIDEODRIVER"
 FRAMES_PER_SECOND = 60
-# Share of the screen's sides that a window takes at most: its title and a task bar need room.
-SHARE = 0.9
+# Share of the screen's sides that a window takes at most: its title and a task bar need room. Without a size
+# it is as large as this allows, in this ratio of width to height.
+SHARE, RATIO = 0.9, 16 / 9
+# The least picture in pixels.
+LEAST = (320, 200)
 # Simulated seconds per real second; the first of policies, and of a player.
 SPEEDS = (0.5, 1.0, 2.0, 5.0, 10.0, 20.0)
 WATCHED_SPEED, PLAYED_SPEED = 5.0, 2.0
@@ -51,8 +54,10 @@ SHARED_HELP = (
 
 
 @contextmanager
-def open_window(size: tuple[int, int], advice: str = "") -> Iterator[None]:
+def open_window(size: tuple[int, int] | None, advice: str = "") -> Iterator[None]:
     """Open a resizable window that fits the screen, and close it; without a screen give `advice`.
+
+    The window has the `size` in pixels where the screen is large enough; by default it is as large as fits.
 
     Raises:
         ConfigError: there is no screen.
@@ -70,9 +75,9 @@ def open_window(size: tuple[int, int], advice: str = "") -> Iterator[None]:
     os.environ.setdefault("SDL_FRAMEBUFFER_ACCELERATION", "0")
     try:
         pygame.display.init()
-        desktop = pygame.display.get_desktop_sizes()[0]
-        width, height = (min(side, int(SHARE * most)) for side, most in zip(size, desktop, strict=True))
-        pygame.display.set_mode((width, height), pygame.RESIZABLE)
+        width, height = (int(SHARE * side) for side in pygame.display.get_desktop_sizes()[0])
+        wanted = size or (round(min(width, RATIO * height)), round(min(height, width / RATIO)))
+        pygame.display.set_mode((min(wanted[0], width), min(wanted[1], height)), pygame.RESIZABLE)
         pygame.display.set_caption("ship_trl")
         pygame.key.set_repeat(350, 60)
         yield
@@ -82,6 +87,12 @@ def open_window(size: tuple[int, int], advice: str = "") -> Iterator[None]:
         pygame.display.quit()
         if not requested:
             os.environ.pop(DRIVER, None)
+
+
+def canvas_size() -> tuple[int, int]:
+    """Return the size in pixels of the picture in the open window, which a user may make very small."""
+    width, height = pygame.display.get_window_size()
+    return max(width, LEAST[0]), max(height, LEAST[1])
 
 
 class Window(ABC):
@@ -157,7 +168,11 @@ class Window(ABC):
         surface = pygame.display.get_surface()
         assert surface is not None
         lines = (*self.help, *SHARED_HELP) if self.has_help else ()
-        draw_dashboard(surface, self.views, self.position, self.look, self.status, lines)
+        size = surface.get_size()
+        picture = surface if size == canvas_size() else pen.new_surface(*canvas_size())
+        draw_dashboard(picture, self.views, self.position, self.look, self.status, lines)
+        if picture is not surface:
+            surface.blit(pygame.transform.smoothscale(picture, size), (0, 0))
         pygame.display.flip()
         return surface
 
@@ -172,7 +187,7 @@ class Window(ABC):
             elif (event.type == pygame.MOUSEBUTTONDOWN and event.button == 1) or (
                 event.type == pygame.MOUSEMOTION and event.buttons[0]
             ):
-                step = step_at(pygame.display.get_window_size(), self.views, event.pos)
+                step = step_at(canvas_size(), self.views, event.pos)
                 if step is not None:
                     self.seek(step)
         return any(event.type != pygame.MOUSEMOTION or event.buttons[0] for event in events)
@@ -285,7 +300,7 @@ class Session(Window):
 
     def save_picture(self) -> None:
         """Save the current picture as a PNG, without the help."""
-        picture = pen.new_surface(*pygame.display.get_window_size())
+        picture = pen.new_surface(*canvas_size())
         draw_dashboard(picture, self.views, self.position, self.look)
         self._save(f"step{int(self.position):02d}.png", partial(pen.save, picture))
 
@@ -293,8 +308,7 @@ class Session(Window):
         """Save the whole episode as a GIF with the current look; that takes a while."""
         self._message = "making the film ..."
         self.show()
-        size = pygame.display.get_window_size()
-        frames = draw_film(self.views, self.look, size, STEPS_PER_SECOND, self.speed)
+        frames = draw_film(self.views, self.look, canvas_size(), STEPS_PER_SECOND, self.speed)
         self._save("film.gif", lambda path: write_film(path, frames, STEPS_PER_SECOND))
 
     def _save(self, ending: str, write: Callable[[Path], None]) -> None:

@@ -1,5 +1,7 @@
 """The whole picture: what changes with the step, the look and the size, and what its legend says."""
 
+from typing import Any, NamedTuple
+
 import numpy as np
 import pygame
 import pytest
@@ -14,6 +16,15 @@ from ship_trl.view.episode import EpisodeView
 from ship_trl.view.painter import draw_legend
 from ship_trl.view.style import DANGER, FAINT, GOAL_MARK
 from tests.view.episodes import drawn, view
+
+
+class Word(NamedTuple):
+    """A text, the pixels of its letters, and the layer that it is on with its size."""
+
+    text: str
+    box: pygame.Rect
+    layer: int
+    size: tuple[int, int]
 
 
 @pytest.fixture
@@ -60,6 +71,56 @@ def test_nothing_overlaps_and_nothing_lies_outside(size: tuple[int, int], count:
     for k, room in enumerate(rooms):
         assert window.contains(room) and min(room.size) > 20
         assert not any(room.colliderect(other) for other in rooms[:k])
+
+
+SIZES = [(1600, 900), (1280, 720), (1024, 600), (921, 540), (3456, 1944), (800, 1000), SMALL.size, (640, 360)]
+
+
+def words_of(views: list[EpisodeView], size: tuple[int, int], patch: pytest.MonkeyPatch) -> list[Word]:
+    """Every text in a dashboard with the pixels that its letters take."""
+    found: list[Word] = []
+    write = pen.write
+
+    def record(surface: pygame.Surface, text: str, at: pen.Point, *rest: Any, **more: Any) -> float:
+        end = write(surface, text, at, *rest, **more)
+        size, bold = rest[1], rest[2] if len(rest) > 2 else more.get("bold", False)
+        letters = pen.font(size, bold).render(text, True, (0, 0, 0)).get_bounding_rect()
+        top = round(at[1] - pen.font(size, bold).size(text)[1] / 2)
+        left = round(end) - pen.width_of(text, size, bold)
+        box = letters.move(left, top).move(surface.get_abs_offset())
+        whole = surface.get_abs_parent()
+        # The window is drawn in two layers, a graph on a surface of its own.
+        layer = 0 if whole.get_size() == size else id(whole)
+        found.append(Word(text, box, layer, whole.get_size()))
+        return end
+
+    with patch.context() as inner:
+        inner.setattr(pen, "write", record)
+        draw_dashboard(pen.new_surface(*size), views, 5.0, Look(), "1 of 7    > 5x    H: keys")
+    return found
+
+
+@pytest.mark.parametrize("size", SIZES)
+@pytest.mark.parametrize("kind", ["network", "planner", "pair", "crowd"])
+def test_no_words_overlap_or_leave_the_window(
+    kind: str, size: tuple[int, int], world: World, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    case = load_case("imazu22" if kind == "crowd" else "4", world)
+    views = [view(case, world, (3, 4), network=kind == "network")] * (2 if kind == "pair" else 1)
+    words = words_of(views, size, monkeypatch)
+    for k, (text, box, layer, room) in enumerate(words):
+        assert pygame.Rect(0, 0, *room).contains(box), f"{text!r} is cut"
+        for other, its, where, _ in words[:k]:
+            assert where != layer or not box.colliderect(its), f"{text!r} over {other!r}"
+
+
+def test_in_a_comparison_only_networks_have_a_view_of_the_scene(
+    case: Case, world: World, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    planner, learner = (view(case, world, (3, 4), network=has) for has in (False, True))
+    for views, count in (([planner, planner], 0), ([planner, learner], 1), ([planner], 1)):
+        words = words_of(views, (1280, 720), monkeypatch)
+        assert sum(word.text.startswith("network's view") for word in words) == count
 
 
 def test_a_click_in_a_graph_is_a_step(case: Case, world: World) -> None:

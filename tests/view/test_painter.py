@@ -4,6 +4,7 @@ import math
 from dataclasses import replace
 
 import numpy as np
+import pygame
 import pytest
 import torch
 from hypothesis import given
@@ -12,16 +13,20 @@ from numpy.typing import NDArray
 
 from ship_trl.config.types import World
 from ship_trl.sim import scene
-from ship_trl.sim.cases import load_case, load_world
+from ship_trl.sim.cases import Case, TargetShip, load_case, load_world
+from ship_trl.sim.state import initial_state
 from ship_trl.view import pen
 from ship_trl.view.episode import Telemetry, measure_episode
 from ship_trl.view.painter import (
+    SMALL_SIDE,
     TRUE_LENGTH,
     draw_scene,
     hull_length,
     map_frame,
     paint_scene,
+    place_labels,
     relative_frame,
+    still,
 )
 from ship_trl.view.style import DANGER, GOAL_MARK
 from tests.view.episodes import run_actions
@@ -97,3 +102,44 @@ def test_red_is_only_where_a_ship_is_inside_the_safe_distance(world: World) -> N
     is_red = [count(picture(telemetry, k)[SIDE // 8 :], DANGER) > 0 for k in range(last + 1)]
     assert is_red == [bool(apart.min() < world.safe_distance) for apart in telemetry.apart[:-1]] + [True]
     assert not any(is_red[:-2]) and count(picture(telemetry, 0), GOAL_MARK) > 100
+
+
+def random_scene(draw: np.random.Generator, world: World) -> Telemetry:
+    """A scene of up to eight ships, often close together, so that their labels compete for places."""
+    spread, middle = draw.choice([20.0, 80.0, 400.0]), draw.uniform(-300, 600, 2)
+    ships = [
+        TargetShip(*(middle + draw.uniform(-spread, spread, 2)).tolist(), draw.uniform(-180, 180), 10.0)
+        for _ in range(draw.integers(0, 9))
+    ]
+    case = Case([0.0, 0.0], draw.uniform(-180, 180), draw.uniform(-600, 600, 2).tolist(), "drawn", ships)
+    scene = still(world, initial_state(case, world))
+    scene.outcome = draw.choice([None, "goal", "collision", "timeout"])
+    return scene
+
+
+def test_labels_never_overlap_and_every_ship_in_sight_has_one(world: World) -> None:
+    draw = np.random.default_rng(0)
+    for _ in range(500):
+        one, side = random_scene(draw, world), int(draw.integers(SMALL_SIDE, 1800))
+        frame = map_frame((one,), side) if draw.integers(2) else relative_frame(one.at(0.0)[0], side)
+        found = place_labels(one, 0.0, frame, large=bool(draw.integers(2)))
+        boxes, picture = list(found.values()), pygame.Rect(0, 0, side, side)
+        assert all(picture.contains(box) for box in boxes)
+        assert not any(box.collidelist(boxes[:k]) >= 0 for k, box in enumerate(boxes))
+        places = frame.points(one.ships[0]).tolist()
+        in_sight = {str(k) for k, at in enumerate(places, 1) if picture.collidepoint(at)}
+        assert {name for name in found if name.isdecimal()} == in_sight
+        assert one.outcome is None or one.outcome.upper() in found
+
+
+def test_a_label_keeps_its_place_beside_its_ship_unless_that_is_taken(world: World) -> None:
+    """Two ships on one place: the second number gives way, and stays near."""
+    ships = [TargetShip(100.0, 300.0, 90.0, 10.0), TargetShip(101.0, 300.0, 90.0, 10.0)]
+    pair = Case([0.0, 0.0], 90.0, [0.0, 600.0], "drawn", ships)
+    alone, both = (
+        still(world, initial_state(replace(pair, target_ships=ships[:count]), world)) for count in (1, 2)
+    )
+    frame = map_frame((both,), SIDE)
+    first, second = place_labels(alone, 0.0, frame), place_labels(both, 0.0, frame)
+    assert first["1"] == second["1"]
+    assert math.dist(second["2"].center, frame.point(101.0, 300.0)) < 3 * second["2"].width

@@ -120,15 +120,27 @@ def test_without_a_screen_it_is_said(monkeypatch: pytest.MonkeyPatch) -> None:
 
 
 @pytest.mark.parametrize(
-    ("desktop", "opened"),
-    [((1366, 768), (1229, 691)), ((1600, 1200), (1440, 900)), ((2560, 1440), (1600, 900))],
+    ("desktop", "size", "opened"),
+    [
+        ((1366, 768), (1600, 900), (1229, 691)),
+        ((1600, 1200), (1600, 900), (1440, 900)),
+        ((2560, 1440), (1600, 900), (1600, 900)),
+        # By default it fills the screen, whatever its shape.
+        ((1024, 600), None, (921, 518)),
+        ((3840, 2160), None, (3456, 1944)),
+        ((3440, 1440), None, (2304, 1296)),
+        ((1080, 1920), None, (972, 547)),
+    ],
 )
 def test_a_window_fits_the_screen(
-    desktop: tuple[int, int], opened: tuple[int, int], monkeypatch: pytest.MonkeyPatch
+    desktop: tuple[int, int],
+    size: tuple[int, int] | None,
+    opened: tuple[int, int],
+    monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     monkeypatch.setenv("SDL_VIDEODRIVER", "dummy")
     monkeypatch.setattr(pygame.display, "get_desktop_sizes", lambda: [desktop])
-    with open_window((1600, 900)):
+    with open_window(size):
         assert pygame.display.get_window_size() == opened
         surface = pygame.display.get_surface()
         assert surface is not None and surface.get_flags() & pygame.RESIZABLE
@@ -169,6 +181,14 @@ def test_a_suite_is_shown_case_by_case_and_perturbed_starts_are_drawn_again(tmp_
     assert first.case.name == again.case.name == "1"
     made.next_case()
     assert made.views[0].case.name == "2"
+
+
+@pytest.mark.parametrize("size", [(120, 90), (300, 900), (1, 1)])
+def test_a_window_may_be_made_very_small(session: Session, size: tuple[int, int]) -> None:
+    pygame.display.set_mode(size, pygame.RESIZABLE)
+    assert press(session, "right").shape == (size[1], size[0], 3)
+    pygame.event.post(pygame.event.Event(pygame.MOUSEBUTTONDOWN, {"pos": (0, 0), "button": 1}))
+    press(session)
 
 
 @pytest.mark.parametrize("key", ["a", "t", "s", "h"])

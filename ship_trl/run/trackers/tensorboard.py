@@ -17,9 +17,8 @@ from ship_trl.run import console
 from ship_trl.run.history import to_numbers
 from ship_trl.run.plan import Run, flatten, tracked_settings
 
-# Settings in the tab HParams.
+# Settings in the tab HParams, beside those of learning, algorithm and method.
 NAMES = ("task", "arm", "algo", "method", "layers", "seed", "observation")
-TUNED = ("learn.", "algorithm.", "transfer.")
 # A code block in TensorBoard's Markdown.
 CODE_BLOCK = "```\n{}\n```"
 
@@ -53,8 +52,9 @@ class TensorboardTracker:
         """
         from torch.utils.tensorboard.summary import hparams
 
-        settings = dict(flatten(tracked_settings(self._run)))
-        shown = {key: value for key, value in settings.items() if key in NAMES or key.startswith(TUNED)}
+        tuned = ("learn.", "algorithm.", f"transfer.{self._run.arm.method}.")
+        settings = flatten(tracked_settings(self._run))
+        shown = {key: value for key, value in settings if key in NAMES or key.startswith(tuned)}
         shown = {key: v if isinstance(v, (bool, int, float)) else str(v) for key, v in shown.items()}
         _, start, end = hparams(shown, {})
         text = CODE_BLOCK.format(json.dumps(result.to_json(), indent=1))

@@ -71,8 +71,9 @@ GRID_ANGLES = 96
 # `_best_rewards` adds both sides of the safe distance.
 SHIP_DISTANCES = (1e-3, *torch.logspace(0, math.log10(MAX_SHIP_DISTANCE), 76).tolist())
 
-# Bound of the interpolation error, as a share of the range of a step's reward.
-MAX_ERROR_SHARE = 1 / 150
+# Bounds of the interpolation error: a share of the range of a step's rewards, and more than what a step just
+# before the goal costs, by which the value jumps where the goal takes one step more.
+MAX_ERROR_SHARE, MAX_JUMP_SHARE = 1 / 150, 1.5
 
 
 @dataclass(frozen=True)
@@ -198,8 +199,8 @@ class ValueBound:
     - The reward must be as smooth in the goal's distance and angle as the paper's. As a function of the
       nearest ship's distance it may jump only at the safe distance, and must hardly change between distances
       a fifth apart.
-    - Within two goal distances of the goal the grid is too coarse to tell which states reach it. There the
-      bound may be too low by more than `max_error`.
+    - Within two goal distances of the goal, and where only the last steps reach it, the grid is too coarse to
+      tell which states reach it. There the bound may be too low by more than `max_error`.
 
     With lags own ship may have any speed and rate of turn of the actions, in any pair, in each step.
 
@@ -231,7 +232,10 @@ class ValueBound:
         off_bow = goal_off_bow(after)
         at_goal = distance <= world.goal_distance + POSITION_TOLERANCE
         reward, collision = self._best_rewards(distance, off_bow, at_goal)
-        self.max_error = MAX_ERROR_SHARE * float(reward.max() - reward.min())
+        before_goal = ~at_goal & (distance <= world.goal_distance + reach)
+        jump = -float(reward.masked_fill(~before_goal, -math.inf).max())
+        spread = float(reward.max() - reward.min())
+        self.max_error = max(MAX_ERROR_SHARE * spread, MAX_JUMP_SHARE * jump)
         corners, weights = self._corners(distance, off_bow)
         self.table = torch.zeros(world.max_steps + 1, self.rows * GRID_ANGLES)
         for steps_left in range(world.max_steps):

@@ -8,6 +8,7 @@ import torch
 from ship_trl.config.types import World
 from ship_trl.fast.worlds import make_env
 from ship_trl.policies.planner import Plan, ValueBound, best_plan
+from ship_trl.policies.reference import best_known
 from ship_trl.sim.cases import Case, load_case
 from ship_trl.sim.reward import TERMS, PaidStep, Term
 from ship_trl.sim.state import goal_distance, initial_state
@@ -76,16 +77,18 @@ MORE_TERMS: dict[str, Callable[[PaidStep], float]] = {
 def test_no_episode_gains_more_than_its_bound(
     term: str, world: World, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setitem(TERMS, term, Term(lambda _: 1.0, lambda _, step: MORE_TERMS[term](step)))
     case = load_case("4", world)
+    # The best known plans with and without the term, with increasingly many random actions.
+    plans = [best_known(case, world).actions]
+    monkeypatch.setitem(TERMS, term, Term(lambda _: 1.0, lambda _, step: MORE_TERMS[term](step)))
+    plans.append(best_plan(case, world, beam=500).actions)
     step, generator = Transition(world), torch.Generator().manual_seed(0)
     start, count = initial_state(case, world), 3000
     bound = ValueBound(step, start)
-    # The best known plan, with increasingly many random actions.
-    best = torch.tensor(best_plan(case, world, beam=500).actions)
+    best = torch.tensor([plan + [3] * (60 - len(plan)) for plan in plans]).repeat(count // 2, 1)
     is_random = torch.rand(count, 60, generator=generator) < torch.linspace(0, 1, count)[:, None]
     random_actions = torch.randint(7, (count, 20), generator=generator).repeat_interleave(3, 1)
-    plan = torch.where(is_random, random_actions, torch.nn.functional.pad(best, (0, 60 - len(best)), value=3))
+    plan = torch.where(is_random, random_actions, best)
     state, running = start.expand(count, -1), torch.ones(count, dtype=torch.bool)
     rewards, bounds = [], []
     for time in range(60):

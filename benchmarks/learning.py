@@ -22,7 +22,7 @@ from benchmarks.peers import PEERS, SB3, TUNED_BF16, Peer, Sb3Loop, make_peer
 from benchmarks.timing import Probe
 from ship_trl.config.arm import Arm
 from ship_trl.run.lockstep import make_lockstep, starts
-from ship_trl.study.lockstep import Task
+from studies.lockstep import Task
 from studies.sources.plan import SETTINGS
 
 KINDS = {"fast=true": "ours", "fast=false": "ours, operation by operation"}

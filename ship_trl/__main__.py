@@ -60,7 +60,7 @@ def train(words: list[str]) -> None:
 
     with refusals():
         check_words(words)
-    use_loader()
+        use_loader()
     os.environ[LAUNCHER] = str(os.getpid())
     end_at_sigterm()
     with hydra_errors():

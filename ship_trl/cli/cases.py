@@ -16,7 +16,7 @@ from pathlib import Path
 from ship_trl.cli.errors import refusals
 from ship_trl.cli.parser import add_output, add_target, make_parser
 from ship_trl.config.errors import command, override, require
-from ship_trl.config.paths import conf_dir
+from ship_trl.config.paths import conf_files
 from ship_trl.config.types import World
 from ship_trl.policies.pretrained import networks
 from ship_trl.run.console import show
@@ -124,7 +124,7 @@ def show_cases(cases: dict[str, Case]) -> None:
 def show_pairs(cases: dict[str, Case], world: World) -> None:
     """Print table 2 with the properties behind each number, and the similarity of all pairs of few cases."""
     pairs = []
-    for path in (conf_dir() / "pair").glob("*.yaml"):
+    for path in conf_files("pair").values():
         pair = read_values(path)
         source, target = str(pair.source), str(pair.target)
         # A working directory may lack a case of a shipped pair.

@@ -20,7 +20,7 @@ from pathlib import Path
 from ship_trl.cli.errors import refusals
 from ship_trl.cli.parser import make_parser
 from ship_trl.config.errors import ConfigError, command, print_error
-from ship_trl.config.types import LOGGERS
+from ship_trl.config.paths import conf_dir
 from ship_trl.run.console import say, show
 from ship_trl.run.process import exit_at_sigterm
 from ship_trl.study.claims import load_claims
@@ -44,21 +44,11 @@ from ship_trl.study.study import Study, finished_study
 from ship_trl.study.tables import CURVES, RUNS, has_tables, restore, write_tables
 
 RUN = f"""\
-Train every run of figures 5 to 7 and 9, and our controls. Started again, an interrupted study continues.
-Keys, with their values in conf/study.yaml:
+Train every run of a study, and write its report, <output>/report/index.html. Started again, an interrupted
+study continues. Without words it is that of the paper's figures 5 to 7 and 9, with our controls. FILE.yaml,
+and after it KEY=VALUE, set other values of these keys:
 
-  profile=NAME      smoke, quick, long, paper  seeds=N          how many
-  first_seed=N      the first of them, 0      block=N          seeds that are run whole before others
-  pairs=[NAME,..]   arms=[NAME,..]             reuse, controls  true or false
-  output=FOLDER     outputs/<profile>_study    retries=N        of runs that end without a result
-  processes=N       runs in parallel, of joblib
-  launcher=NAME     joblib, slurm, slurm_local, ray_local, ray_cluster
-  overrides=[..]    of every run, as overrides=[learn.episodes=1000]
-  logger=NAME       {", ".join(LOGGERS)}
-                    wandb.mode=offline|online wandb.project=NAME wandb.entity=NAME
-
-The report follows: <output>/report/index.html.
-"""
+{(conf_dir() / "study.yaml").read_text()}"""
 ASK = """\
 Measure contrasts of a study's arms, such as
 
@@ -84,11 +74,11 @@ def main(arguments: list[str] | None = None) -> None:
     parser = make_parser("study", __doc__)
     verbs = parser.add_subparsers(dest="verb", required=True, metavar="run|report|ask|keep|layers")
     run = verbs.add_parser("run", description=RUN, formatter_class=RawDescriptionHelpFormatter)
-    run.add_argument("words", nargs="*", metavar="KEY=VALUE")
+    run.add_argument("words", nargs="*", metavar="FILE.yaml|KEY=VALUE")
     report = verbs.add_parser("report", description="Write the report of a study, from its runs or tables.")
     report.add_argument("folder", type=Path, help="folder of a study or its tables, as outputs/confirmatory")
     report.add_argument("--output", type=Path, help="folder of the report; default: FOLDER/report")
-    claims = "Python file that judges; default: the paper's, in a checkout"
+    claims = "Python file that judges; default: the rules that the study was begun with"
     report.add_argument("--claims", type=Path, metavar="FILE", help=claims)
     ask = verbs.add_parser("ask", description=ASK, formatter_class=RawDescriptionHelpFormatter)
     ask.add_argument("folder", type=Path, metavar="FOLDER", help="of a study, or of its kept tables")
@@ -128,7 +118,7 @@ def run_study(words: list[str]) -> None:
                 f"{command('study', 'keep', '--restore', config.folder, 'FOLDER')} makes one of them"
             )
         claims = load_claims()
-        write_plan(jobs, config, claims.rules)
+        write_plan(jobs, config, claims.rules if {*claims.pairs} <= {*config.pairs} else ())
         write_jobs(jobs, config)
         for line in set_aside(jobs, config):
             say(line)
@@ -139,7 +129,7 @@ def run_study(words: list[str]) -> None:
         if len(left) < len(jobs):
             from ship_trl.study.report.write import report
 
-            report(config.folder, config.folder / REPORT, claims=claims)
+            report(config.folder, config.folder / REPORT)
             log_summary(config)
         say(json.dumps({"runs": len(jobs), "missing": len(left), "folder": str(config.folder)}))
     if left:
@@ -158,7 +148,7 @@ def write_report(options: Namespace) -> None:
     output = options.output or options.folder / "report"
     if output.resolve() == options.folder.resolve():
         raise ConfigError(f"--output: {output} is the study's own folder; allowed: another one")
-    report(options.folder, output, options.seeds, load_claims(options.claims))
+    report(options.folder, output, options.seeds, options.claims)
 
 
 def print_answers(options: Namespace) -> None:

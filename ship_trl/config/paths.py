@@ -12,6 +12,8 @@ MAX_NAME_LENGTH = 100
 # Bytes of a path from the command line, and of each name in it: a run adds a little to them.
 MAX_PATH_BYTES, MAX_PATH_NAME_BYTES = 3000, 200
 PACKAGE = Path(__file__).resolve().parents[1]
+# YAML files of one's own, in the working directory.
+OWN_CONF = Path("conf")
 
 
 def is_name(word: str) -> bool:
@@ -48,9 +50,15 @@ def conf_dir() -> Path:
     raise FileNotFoundError(f"no conf/config.yaml beside or inside {PACKAGE}")
 
 
+def conf_files(group: str) -> dict[str, Path]:
+    """Return the files of a config group by name: the working directory's conf/, else the bundled."""
+    folders = conf_dir() / group, OWN_CONF / group
+    return {stem(path): path for folder in folders for path in sorted(folder.glob("*.yaml"))}
+
+
 def group_names(group: str) -> str:
     """List the names of a config group, for people."""
-    return list_names(path.stem for path in (conf_dir() / group).glob("*.yaml"))
+    return list_names(conf_files(group))
 
 
 def module_names(folder: str) -> list[str]:

@@ -198,9 +198,8 @@ class RunRecord:
 
     @property
     def best_known(self) -> float:
-        """The best known return of a run that has one."""
-        assert self.best_known_return is not None
-        return self.best_known_return
+        """The best known return; NaN, and so are scores, for a run that has none."""
+        return math.nan if self.best_known_return is None else self.best_known_return
 
     def score(self, values: Any) -> Any:
         """Scale returns to scores: 0 is random actions, 1 the best known return."""
@@ -320,14 +319,12 @@ def with_curve(run: RunRecord) -> RunRecord:
 
 
 def check_run(run: RunRecord) -> RunRecord:
-    """Return a run whose returns make scores, and whose curve is whole; else raise a RunError.
+    """Return a run whose curve is whole, and with scores if a best return is known; else raise a RunError.
 
     A whole curve has finite numbers of all training episodes in order, and evaluations from before the first
     to after the last.
     """
-    if run.best_known_return is None:
-        raise RunError(f"{RESULT}: has no best known return, as its starts are perturbed")
-    if run.best_known_return <= run.random_return:
+    if run.best_known <= run.random_return:
         raise RunError(f"{RESULT}: the best known return is not above the random one")
     try:
         Arm.parse(run.arm)

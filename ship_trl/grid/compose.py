@@ -14,6 +14,7 @@ from typing import Any
 from hydra import compose, initialize_config_dir
 from hydra._internal import hydra as hydra_parts
 from hydra._internal.config_loader_impl import ConfigLoaderImpl
+from hydra.core.config_search_path import ConfigSearchPath, SearchPathQuery
 from hydra.core.global_hydra import GlobalHydra
 from hydra.errors import HydraException, OverrideParseException
 from omegaconf import DictConfig, _utils
@@ -22,7 +23,7 @@ from omegaconf.errors import OmegaConfBaseException
 from ship_trl.config.arm import Arm, arm_names
 from ship_trl.config.checks import to_config
 from ship_trl.config.errors import ConfigError, missing_extra
-from ship_trl.config.paths import conf_dir, group_names
+from ship_trl.config.paths import OWN_CONF, conf_dir, group_names
 from ship_trl.config.schema import keys_at
 from ship_trl.config.types import Config
 from ship_trl.files.untrusted import LOADER
@@ -50,6 +51,13 @@ class Loader(ConfigLoaderImpl):
     Processes of a grid get it with their run, so that they compose alike.
     """
 
+    def __init__(self, config_search_path: ConfigSearchPath) -> None:
+        """Look into the working directory's conf/ too, after all other folders and before Hydra's schema."""
+        if OWN_CONF.is_dir() and not OWN_CONF.samefile(conf_dir()):
+            own = "working directory", f"file://{OWN_CONF.absolute()}"
+            config_search_path.prepend(*own, anchor=SearchPathQuery(provider="schema"))
+        super().__init__(config_search_path)
+
     def load_configuration(
         self, config_name: str | None, overrides: list[str], *flags: Any, **options: Any
     ) -> DictConfig:
@@ -76,7 +84,18 @@ class Loader(ConfigLoaderImpl):
 
 
 def use_loader() -> None:
-    """Let Hydra compose by `Loader` in this process."""
+    """Let Hydra compose by `Loader` in this process.
+
+    Raises:
+        ConfigError: Hydra would take a bundled file in place of one of the working directory.
+    """
+    for path in sorted(OWN_CONF.glob("*/*.yaml")):
+        bundled = conf_dir() / path.relative_to(OWN_CONF)
+        is_bundled = path.parent.name not in ("case", "suite") and bundled.is_file()
+        if is_bundled and path.read_bytes() != bundled.read_bytes():
+            raise ConfigError(
+                f"{path}: another {path.parent.name} of this name is bundled; allowed: rename it"
+            )
     vars(hydra_parts)["ConfigLoaderImpl"] = Loader
 
 

@@ -23,7 +23,7 @@ from ship_trl.config.bounds import RewardScale
 from ship_trl.config.checks import non_default_algorithm, reads_of
 from ship_trl.config.errors import ConfigError, one_line, override, require
 from ship_trl.config.network import non_default_network
-from ship_trl.config.paths import conf_dir, stem
+from ship_trl.config.paths import conf_files, stem
 from ship_trl.config.schema import read_as
 from ship_trl.config.types import Config, Perturbation, Transfer, World, plain, world_values
 from ship_trl.files.curve import RunError
@@ -174,10 +174,10 @@ def resolve_pretrained(config: Config, target: Suite) -> Config:
     if config.source != PRETRAINED:
         return config
     if config.pair is not None:
-        pair = conf_dir() / "pair" / f"{config.pair}.yaml"
-        if not pair.is_file():
+        pair = conf_files("pair").get(config.pair)
+        if pair is None:
             raise ConfigError(
-                f"source: {PRETRAINED} is allowed for the shipped pairs only, not for {config.pair}; "
+                f"source: {PRETRAINED} needs a file conf/pair/{config.pair}.yaml; "
                 "allowed: source=CASE source_weights=pretrained"
             )
         source = str(read_values(pair).source)

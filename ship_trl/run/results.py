@@ -13,7 +13,7 @@ from omegaconf import OmegaConf
 from yaml import YAMLError
 
 from ship_trl.config.errors import one_line, print_error
-from ship_trl.config.paths import conf_dir
+from ship_trl.config.paths import conf_files
 from ship_trl.files.curve import RunError
 from ship_trl.files.disk import read_file
 from ship_trl.files.record import RESULT, RunRecord, read_run
@@ -105,10 +105,10 @@ def read_run_settings(one: RunRecord, known: dict[bytes, dict[str, str]]) -> dic
 
 def network_name(values: Any) -> str:
     """Return the name in conf/network of the layers in a configuration, or `own`."""
-    for path in sorted((conf_dir() / "network").glob("*.yaml")):
+    for name, path in sorted(conf_files("network").items()):
         layers = {key: value for key, value in OmegaConf.load(path).items() if key != "vector_time"}
         if all(values.get(key) == value for key, value in layers.items()):
-            return path.stem
+            return name
     return "own"
 
 

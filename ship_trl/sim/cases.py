@@ -25,7 +25,7 @@ from yaml import YAMLError
 
 from ship_trl.config.bounds import MAX_DISTANCE, Metres
 from ship_trl.config.errors import ConfigError, print_error
-from ship_trl.config.paths import conf_dir, is_name, list_names, stem
+from ship_trl.config.paths import conf_dir, conf_files, is_name, list_names, stem
 from ship_trl.config.schema import read_as, rule
 from ship_trl.config.types import Perturbation, Traffic, World, plain
 from ship_trl.files.disk import read_file
@@ -225,12 +225,6 @@ def load_world(changes: Iterable[str] = ()) -> World:
     """Read the shared physics, conf/world/paper.yaml, without Hydra, with changes such as "turn_time=4"."""
     values = read_yaml(conf_dir() / "world/paper.yaml")
     return read_as(World, OmegaConf.merge(values, read_changes(changes)), key="world")
-
-
-def conf_files(kind: str) -> dict[str, Path]:
-    """Return the files of all cases or suites (`kind`) by name: the working directory's, else the bundled."""
-    folders = conf_dir() / kind, Path("conf") / kind
-    return {stem(path): path for folder in folders for path in sorted(folder.glob("*.yaml"))}
 
 
 def shadowing_file(kind: str, name: str) -> Path | None:

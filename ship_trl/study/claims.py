@@ -1,7 +1,7 @@
 """The seam between a study and what it was asked: the engine knows no claim.
 
-A claims file has a function `claims()` that returns `Claims`; `studies/paper/claims.py` is one. A report
-without such a file, as in a wheel, has tables and figures, and no verdicts.
+A claims file has a function `claims()` that returns `Claims`; `studies/paper/claims.py` is one. A study has
+them if it is begun with the pairs that they are about. Without them, as in a wheel, a report has no verdicts.
 """
 
 from __future__ import annotations
@@ -35,7 +35,7 @@ class Verdicts:
 
 @dataclass(frozen=True)
 class Claims:
-    """What a study was asked, and how its report shows it.
+    """What a study with certain `pairs` is asked, and how its report shows it.
 
     `judge` judges a `Study` in a folder; `page` is a template that extends the report's. `rules` are the
     files, text first, that said how before the first run. `gains` says by target case and metric how much
@@ -44,6 +44,7 @@ class Claims:
     """
 
     judge: Callable[[Any, Path], Verdicts] | None = None
+    pairs: tuple[str, ...] = ()
     page: Path | None = None
     rules: tuple[Path, ...] = ()
     margin: float | None = None

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import hashlib
 import os
-import statistics
 import subprocess
 import sys
 from collections.abc import Callable, Iterator
@@ -22,7 +21,7 @@ from ship_trl.files.curve import CURVE, RunError
 from ship_trl.files.disk import atomic_write
 from ship_trl.files.record import RESULT, RunRecord, read_run
 from ship_trl.grid.launchers import die_with_parent
-from ship_trl.run.console import PACE_SECONDS, Lines, console, format_duration, say, time_left
+from ship_trl.run.console import PACE_SECONDS, Lines, console, say, time_left
 from ship_trl.run.plan import CHECKPOINTS, DAMAGED
 from ship_trl.study.manifest import run_config
 from ship_trl.study.plan import Job, StudyConfig, source_folder
@@ -182,8 +181,6 @@ def rename(folder: Path, reason: str) -> str:
 TAIL_BYTES = 400
 # Without a terminal: a line after this share of the study, and at least this many seconds after the last.
 LINE_SHARE, LINE_SECONDS = 0.01, 60.0
-# From this many finished runs on, the estimate is their mean.
-MIN_FINISHED = 4
 
 
 @contextmanager
@@ -224,20 +221,14 @@ def last_episode(path: Path) -> int:
 
 
 def describe_work(missing: list[Job], jobs: list[Job], config: StudyConfig) -> str:
-    """Say how many runs there are to do, and where some have finished, about how long these take."""
-    words = f"{len(missing)} of {len(jobs)} runs to do"
-    if config.launcher != "joblib":
-        return f"{words}, by {config.launcher}"
-    known = [result.seconds for result in (finished(job, config) for job in jobs) if result]
-    at_once = processes(config)
-    if len(known) < MIN_FINISHED or not missing:
-        return f"{words}, {at_once} at once"
-    duration = format_duration(len(missing) * statistics.mean(known) / at_once)
-    return f"{words}, about {duration}, {at_once} at once, by the {len(known)} finished runs"
+    """Say how many runs there are to do, and by what."""
+    is_here = config.launcher == "joblib"
+    by = f"{processes(config)} at once" if is_here else f"by {config.launcher}"
+    return f"{len(missing)} of {len(jobs)} runs to do, {by}"
 
 
 REPORT = "report"
-TABLES = ("claims", "arms", "table_2")
+TABLES = ("claims", "effects", "arms", "table_2")
 
 
 def check_account(config: StudyConfig) -> None:

@@ -33,7 +33,8 @@ Seeds = Annotated[list[int], rule("a list of seeds", bool)]
 class Plan:
     """What was planned, as in a study.json; empty for a folder without one.
 
-    `rules` are those of the beginning (see `stamp`); `kept` are digests of the tables of a copy, by name.
+    `rules` are those of the beginning (see `stamp`), `question` and `words` those of the last start's
+    `StudyConfig`; `kept` are digests of the tables of a copy, by name.
     """
 
     settings: dict[str, Any]
@@ -41,6 +42,8 @@ class Plan:
     jobs: list[Job]
     judged: Seeds = field(default_factory=list)
     rules: Stamp = field(default_factory=dict)
+    question: Annotated[str, rule("one line of plain text", str.isprintable)] = ""
+    words: list[str] = field(default_factory=list)
     kept: dict[str, str] = field(default_factory=dict)
 
     @property
@@ -95,7 +98,7 @@ def write_plan(jobs: list[Job], config: StudyConfig, rules: Sequence[Path] = ())
     settings = shared_settings(jobs, config, shared)
     names = {str(job.values[key]) for job in jobs for key in ("source", "target") if job.values.get(key)}
     # A case file may be edited later.
-    cases = {name: load_suite(name, shared.world).fingerprint for name in sorted(names)}
+    cases = {name: load_suite(name, shared.world, "pairs").fingerprint for name in sorted(names)}
     path = config.folder / PLAN
     # Seeds that are added later are not judged, and the rules stay those of the beginning.
     begun = (
@@ -112,6 +115,7 @@ def write_plan(jobs: list[Job], config: StudyConfig, rules: Sequence[Path] = ())
             "allowed: another output=FOLDER"
         )
     plan = replace(begun, settings=settings, cases=begun.cases | cases, jobs=jobs)
+    plan = replace(plan, question=config.question, words=config.words)
     try:
         config.folder.mkdir(parents=True, exist_ok=True)
         with atomic_write(path) as draft:

@@ -70,7 +70,12 @@ def has_reached(record: RunRecord, threshold: float = THRESHOLDS[0]) -> bool:
 
 
 def time_to_threshold(record: RunRecord, threshold: float = THRESHOLDS[0]) -> float:
-    """Return the share of the training episodes until the moving score reaches the threshold; 1 if never."""
+    """Return the share of the training episodes until the moving score reaches the threshold; 1 if never.
+
+    NaN without scores.
+    """
+    if math.isnan(record.best_known):
+        return math.nan
     scores, total = moving_scores(record), len(record.training.returns)
     reached = np.flatnonzero(scores >= threshold)
     return float(total - len(scores) + 1 + reached[0]) / total if reached.size else 1.0

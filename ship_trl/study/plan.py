@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, field, replace
@@ -20,11 +21,12 @@ from ship_trl.config.arm import ALL_LAYERS, Arm, SourceWeights, arm_names
 from ship_trl.config.bounds import Positive, Seed
 from ship_trl.config.checks import check_logger
 from ship_trl.config.errors import ConfigError, missing_extra
-from ship_trl.config.paths import conf_dir
-from ship_trl.config.schema import read_as
+from ship_trl.config.paths import conf_dir, conf_files, is_name, stem
+from ship_trl.config.schema import read_as, rule
 from ship_trl.config.types import Logger, WandbMode
 from ship_trl.files.untrusted import read_changes, read_yaml
 from ship_trl.grid.launchers import check_slurm
+from ship_trl.sim.cases import read_values
 
 SCRATCH, WHOLE = arms.SCRATCH.name, Arm("finetune", ALL_LAYERS).name
 FE = tuple(Arm("feature_extraction", n).name for n in range(1, 5))
@@ -58,6 +60,11 @@ FIRST_BLOCK_ARMS = tuple(control_arm(f"FE{n}", kind) for kind in CONTROL_KINDS f
 FIRST_BLOCK_PAIRS = {"self": (WHOLE,), "self4": TRANSFERS, "self6": TRANSFERS}
 # A control pair is compared with the runs from scratch of the pair that has the same target.
 SCRATCH_PAIR = {"self": "high", "ship": "high", "self4": "low", "self6": "lowest"}
+# The controls that each key could name.
+CONTROLS_OF = {
+    "pairs": {*CONTROL_PAIRS, *FIRST_BLOCK_PAIRS},
+    "arms": {*CONTROL_ARMS, *FIRST_BLOCK_ARMS},
+}
 
 # Section 4.3: the case most similar to the new one, and the pair and arm that made the reused network.
 REUSED_CASE, REUSED_PAIR, REUSED_ARM, NEW_CASE = "2", "high", WHOLE, "new"
@@ -106,6 +113,13 @@ REUSED: Places = {
 }
 
 
+# Keys that decide which runs a study has, and what it asks.
+PLANNED = (
+    *("question", "profile", "seeds", "first_seed", "block"),
+    *("pairs", "arms", "reuse", "controls", "overrides"),
+)
+
+
 @dataclass
 class StudyWandb:
     """The wandb project of a study."""
@@ -119,6 +133,7 @@ class StudyWandb:
 class StudyConfig:
     """The settings; conf/study.yaml holds and explains the values."""
 
+    question: Annotated[str, rule("one line of plain text", str.isprintable)]
     profile: str
     seeds: SeedCount | None
     first_seed: Seed
@@ -126,8 +141,8 @@ class StudyConfig:
     profile_seeds: dict[str, SeedCount]
     pairs: list[str]
     arms: list[str]
-    reuse: bool
-    controls: bool
+    reuse: bool | None
+    controls: bool | None
     output: str | None
     launcher: str
     processes: Positive | None
@@ -147,35 +162,47 @@ class StudyConfig:
         """The study's folder."""
         return Path(self.output or f"outputs/{self.profile}_study")
 
+    @property
+    def words(self) -> list[str]:
+        """The words after `study run` that plan the same runs, in any folder."""
+        values = {key: getattr(self, key) for key in PLANNED} | {"seeds": len(self.numbers)}
+        # JSON's lists, words and truth values are YAML too.
+        texts = {key: json.dumps(value, ensure_ascii=False) for key, value in values.items() if value != ""}
+        texts["profile"] = self.profile
+        return [f"{key}={text}" for key, text in texts.items() if text != "[]"]
 
-def to_study(overrides: list[str]) -> StudyConfig:
-    """Compose conf/study.yaml with overrides and check the result.
+
+def to_study(words: list[str]) -> StudyConfig:
+    """Compose conf/study.yaml, a study's file if the first word names one, and overrides; check the result.
 
     Raises:
         ConfigError: a key or a name is unknown, or a value is not allowed.
     """
+    files = [Path(word) for word in words[:1] if "=" not in word]
     try:
-        values = OmegaConf.merge(read_yaml(conf_dir() / "study.yaml"), read_changes(overrides))
+        parts = [part for path in files for part in ({"output": f"outputs/{stem(path)}"}, read_values(path))]
+        changes = read_changes(words[len(files) :])
+        values = OmegaConf.merge(read_yaml(conf_dir() / "study.yaml"), *parts, changes)
     except (yaml.YAMLError, OmegaConfBaseException, LookupError, ValueError, TypeError, RecursionError):
         # OmegaConf raises Python's own errors for an unclosed bracket in a key, or thousands of digits.
-        words, example = " ".join(overrides), "pairs=[high,low]"
+        given, example = " ".join(words), "pairs=[high,low]"
         raise ConfigError(
-            f"{words:.200}: cannot be read; a list is written without spaces, as {example}"
+            f"{given:.200}: cannot be read; a list is written without spaces, as {example}"
         ) from None
     config = read_as(StudyConfig, values)
+    if config.reuse is None:
+        config.reuse = REUSED_PAIR in config.pairs and REUSED_ARM in config.arms
+    if config.controls is None:
+        is_papers = {*config.pairs} <= {*SCRATCH_PAIR.values()}
+        config.controls = is_papers and not CONTROLS_OF["arms"] & {*config.arms}
     check(config)
     return config
 
 
-def options(group: str) -> list[str]:
-    """List the options of a config group."""
-    return sorted(path.stem for path in (conf_dir() / group).glob("*.yaml"))
-
-
 def check(config: StudyConfig) -> None:
     """Check names, the launcher, and keys that depend on one another."""
-    check_names("profile", [config.profile], options("profile"))
-    check_names("pairs", config.pairs, options("pair"))
+    check_names("profile", [config.profile], sorted(conf_files("profile")))
+    check_names("pairs", config.pairs, sorted(conf_files("pair")))
     for name in config.arms:
         try:
             Arm.parse(name)
@@ -197,9 +224,8 @@ def check(config: StudyConfig) -> None:
             f"reuse: needs pair {REUSED_PAIR} with arm {REUSED_ARM}, whose network it reuses; "
             "allowed: reuse=false"
         )
-    controls = {*CONTROL_PAIRS, *FIRST_BLOCK_PAIRS, *CONTROL_ARMS, *FIRST_BLOCK_ARMS}
     for key, names in (("pairs", config.pairs), ("arms", config.arms)):
-        if config.controls and (found := [name for name in names if name in controls]):
+        if config.controls and (found := [name for name in names if name in CONTROLS_OF[key]]):
             raise ConfigError(f"{key}: {found[0]} is one of the controls; allowed: controls=false")
     for key in (line.split("=")[0].lstrip("+~") for line in config.overrides):
         check_override(key, config)
@@ -227,10 +253,22 @@ def check_names(key: str, got: list[str], allowed: list[str]) -> None:
         raise ConfigError(f"{key}: must be at least one name, each once, got {', '.join(got) or 'none'}")
 
 
+def read_pair(name: str) -> dict[str, Any]:
+    """Read the values of a pair's file in conf/pair, the bundled one or one of the working directory.
+
+    Raises:
+        ConfigError: it is no such file, or its cases have no names.
+    """
+    return dict(_read_pair(name, conf_files("pair")[name].absolute()))
+
+
 @cache
-def read_option(group: str, name: str) -> Any:
-    """Read the values of an option of a config group."""
-    return OmegaConf.to_container(read_yaml(conf_dir() / group / f"{name}.yaml"))
+def _read_pair(name: str, path: Path) -> Any:
+    values = OmegaConf.to_container(read_values(path))
+    cases = [values.get(key) for key in ("source", "target")] if isinstance(values, dict) else []
+    if not cases or not all(isinstance(case, str | int) and is_name(str(case)) for case in cases):
+        raise ConfigError(f"pairs: {path}: must name a source and a target, as conf/pair/high.yaml")
+    return values | {"pair": name, "source": str(cases[0]), "target": str(cases[1])}
 
 
 @dataclass(frozen=True)
@@ -270,11 +308,7 @@ def seed_jobs(config: StudyConfig, seed: int) -> Iterator[Job]:
     """Plan the runs of one seed: pairs, reuse, controls; each group after the sources that it needs."""
     block = (seed - config.first_seed) // config.block
     groups = (
-        [
-            make_job(PAIRS, pair, arm, seed, read_option("pair", pair))
-            for pair in config.pairs
-            for arm in config.arms
-        ],
+        [make_job(PAIRS, pair, arm, seed, read_pair(pair)) for pair in config.pairs for arm in config.arms],
         list(reuse_jobs(config, seed)),
         list(control_jobs(config, seed, CONTROL_ARMS, CONTROL_PAIRS)),
         list(control_jobs(config, seed, FIRST_BLOCK_ARMS, FIRST_BLOCK_PAIRS)) if block == 0 else [],
@@ -327,17 +361,17 @@ def control_jobs(
     """Plan control arms on all pairs, and control pairs whose target has runs from scratch in the study."""
     if not config.controls:
         return
-    targets = {read_option("pair", pair)["target"] for pair in config.pairs}
-    known = {pair: own for pair, own in pairs.items() if read_option("pair", pair)["target"] in targets}
+    targets = {read_pair(pair)["target"] for pair in config.pairs}
+    known = {pair: own for pair, own in pairs.items() if read_pair(pair)["target"] in targets}
     for pair, own in (*((pair, arms) for pair in config.pairs), *known.items()):
         for arm in own:
-            yield make_job(CONTROLS, pair, arm, seed, read_option("pair", pair))
+            yield make_job(CONTROLS, pair, arm, seed, read_pair(pair))
 
 
 def source_place(config: StudyConfig, case: str) -> tuple[str, str]:
     """Return part and label of a case's run from scratch: those of a pair, if one has this target."""
     for pair in config.pairs if SCRATCH in config.arms else ():
-        if str(read_option("pair", pair)["target"]) == case:
+        if str(read_pair(pair)["target"]) == case:
             return PAIRS, pair
     return SOURCES, case
 

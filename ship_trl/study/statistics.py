@@ -66,7 +66,7 @@ class Estimate:
         """Format the number with its interval, without one where it is unbounded; - for NaN."""
         if isnan(self.value):
             return "-"
-        value, low, high = (f"{number:{sign}.{digits}f}" for number in (self.value, self.low, self.high))
+        value, low, high = (f"{number:{sign}z.{digits}f}" for number in (self.value, self.low, self.high))
         return f"{value} ({low} to {high})" if isfinite(self.low) else value
 
     def cells(self, name: str, mark: str = " ") -> dict[str, Any]:
@@ -110,20 +110,6 @@ def estimate_mean(values: Sample, level: float = LEVEL / 2) -> Estimate:
     return Estimate(value, value - reach, value + reach, seeds, error=error)
 
 
-def p_above(values: Sample, bound: float = 0.0) -> float:
-    """Return the one-sided p-value against an interquartile mean of at most `bound`."""
-    value = float(interquartile_mean(values)) - bound
-    error, freedom = standard_error(values)
-    if error < TOLERANCE:
-        return 0.0 if value > TOLERANCE else 1.0
-    return float(special.stdtr(freedom, -value / error))
-
-
-def p_below(values: Sample, bound: float = 0.0) -> float:
-    """Return the one-sided p-value against an interquartile mean of at least `bound`."""
-    return p_above(-values, -bound)
-
-
 def welch(value: float, samples: Sequence[Sample]) -> Estimate:
     """Return a mean or a difference of means with Student's or Welch's (1947) 95 % interval.
 
@@ -139,28 +125,6 @@ def welch(value: float, samples: Sequence[Sample]) -> Estimate:
     )
     reach = float(special.stdtrit(freedom, 1 - LEVEL / 2)) * float(np.sqrt(parts.sum()))
     return Estimate(value, value - reach, value + reach)
-
-
-def compare(one: Sample, other: Sample | None = None, margin: float = nan) -> Estimate:
-    """Compare the means of two independent samples by Welch's t-test, or differences with zero by Student's.
-
-    `p` is two-sided; `within` tests for a mean within the margin, and is 1 where that is NaN.
-    """
-
-    def test(shift: float = 0.0, side: str = "two-sided") -> Any:
-        if other is None:
-            return stats.ttest_1samp(one, shift, alternative=side)
-        return stats.ttest_ind(one - shift, other, alternative=side, equal_var=False)
-
-    value = float(one.mean() - (0.0 if other is None else other.mean()))
-    # Where all differences are alike no test can be made, and none is needed.
-    if other is None and np.ptp(one) <= TOLERANCE:
-        return Estimate(value, value, value, p=float(value == 0))
-    found, within = test(), 1.0
-    low, high = map(float, found.confidence_interval(CONFIDENCE))
-    if isfinite(margin):
-        within = float(max(test(margin, "less").pvalue, test(-margin, "greater").pvalue))
-    return Estimate(value, low, high, p=float(found.pvalue), within=within)
 
 
 def bootstrap(samples: Sequence[Sample], statistic: Callable[..., Any], seed: int) -> Estimate:
@@ -216,16 +180,6 @@ def share_interval(count: int, of: int) -> Estimate:
     """Return a share with its 95 % interval (Wilson, 1927)."""
     ends = stats.binomtest(count, of).proportion_ci(CONFIDENCE, method="wilson")
     return Estimate(count / of, float(ends.low), float(ends.high))
-
-
-def holm(p_values: Sequence[float]) -> list[float]:
-    """Return the p-values of a family of tests, adjusted by Holm's step-down method."""
-    p = np.array(p_values, np.float64)
-    order = np.argsort(p)
-    factors = np.arange(len(p), 0, -1)
-    adjusted = np.empty_like(p)
-    adjusted[order] = np.minimum(np.maximum.accumulate(p[order] * factors), 1.0)
-    return [float(value) for value in adjusted]
 
 
 def degrees_of_freedom(seeds: int) -> float:

@@ -84,6 +84,11 @@ class Study:
         layers = None if self.layers is None else self.layers[self.layers["seed"].isin(seeds)]
         return replace(self, records=kept, layers=layers, level=level)
 
+    def scored(self) -> Study:
+        """Return the study of the runs whose returns make scores."""
+        kept = {key: one for key, one in self.records.items() if one.best_known_return is not None}
+        return replace(self, records=kept)
+
     def arm(self, part: str, pair: str, arm: str) -> dict[int, RunRecord]:
         """Return the runs of an arm by seed."""
         return self._by_place.get((part, pair, arm), {})

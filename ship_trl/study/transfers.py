@@ -15,11 +15,10 @@ from pydantic import Field
 
 from ship_trl.config.arm import Arm
 from ship_trl.config.errors import command, override
-from ship_trl.config.paths import group_names
+from ship_trl.config.paths import conf_files, group_names
 from ship_trl.config.schema import read_as, rule
 from ship_trl.files.untrusted import Cells, read_table
 from ship_trl.sim.cases import Case
-from ship_trl.study.plan import options
 from ship_trl.transfer.casebase import POLICY
 
 TABLE = "transfers.csv"
@@ -30,7 +29,7 @@ MAX_TABLE_BYTES = 1_000_000
 Word = Annotated[
     str, rule("letters, digits, _ . -", lambda word: bool(re.fullmatch(r"\w[\w.-]{0,99}", word)))
 ]
-Profile = Annotated[str, rule(f"one of {group_names('profile')}", lambda one: one in options("profile"))]
+Profile = Annotated[str, rule(f"one of {group_names('profile')}", lambda one: one in conf_files("profile"))]
 
 
 @dataclass(frozen=True)

@@ -54,6 +54,7 @@ def claims() -> Claims:
     numbers = yaml.safe_load((FOLDER / "analysis.yaml").read_text())
     return Claims(
         judge=lambda study, folder: report(study, folder, ALL, OURS),
+        pairs=tuple(FIGURES),
         page=FOLDER / "paper.html",
         rules=(FOLDER / "analysis-plan.md", FOLDER / "analysis.yaml"),
         margin=numbers["margin"],

@@ -11,8 +11,9 @@ import numpy as np
 from ship_trl.study.compare import SEED, Contrast, comparative, joined, mean_difference, weighted
 from ship_trl.study.metrics import TIMES, curve, has_reached
 from ship_trl.study.plan import CONTROLS, NEW_CASE, PAIRS, REUSED, SCRATCH, SCRATCH_PAIR, Places, control_arm
-from ship_trl.study.statistics import LEVEL, TOLERANCE, Estimate, Sample, p_above, p_below, standard_error
+from ship_trl.study.statistics import LEVEL, TOLERANCE, Estimate, Sample, standard_error
 from ship_trl.study.study import Study
+from studies.p_values import p_above, p_below
 
 SPREAD = "spread"
 # Times can be equivalent only if at least this share of each arm's runs reaches the threshold.

@@ -20,8 +20,9 @@ import numpy as np
 from scipy import optimize, stats
 
 from ship_trl.study.compare import MIN_SEEDS
-from ship_trl.study.statistics import LEVEL, Estimate, degrees_of_freedom, holm, p_below
+from ship_trl.study.statistics import LEVEL, Estimate, degrees_of_freedom
 from ship_trl.study.study import Study
+from studies.p_values import holm, p_below
 from studies.paper.contrasts import MAX_PERMUTATIONS, Claimed, Test
 
 CONCLUSION, EXPLORATORY = "conclusions", "exploratory"

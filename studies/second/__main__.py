@@ -28,7 +28,7 @@ def main(arguments: list[str] | None = None) -> None:
 
             judge_and_write(options)
             return
-        from ship_trl.study.lockstep import make_missing
+        from studies.lockstep import make_missing
         from studies.second.runs import learn_traffic, train
 
         overrides, folder = SETTINGS[options.setting].overrides, FOLDER / options.setting

@@ -10,7 +10,8 @@ import pandas as pd
 
 from ship_trl.config.arm import SCRATCH
 from ship_trl.config.errors import ConfigError
-from ship_trl.study.statistics import LEVEL, Sample, compare, holm
+from ship_trl.study.statistics import LEVEL, Sample
+from studies.p_values import compare, holm
 from studies.second.plan import ARMS, FROZEN, IMAZU, LEARNERS, PAIRS, TRAFFIC, TRAFFIC_ARMS, TUNED_ARMS
 
 AGAINST_REPLAY = "less a replay of its actions"

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from ship_trl.config.arm import SCRATCH
-from ship_trl.study.lockstep import Task
+from studies.lockstep import Task
 from studies.sources.plan import IMAZU, SETTINGS
 
 FOLDER = Path("outputs/questions")

@@ -15,9 +15,9 @@ from scipy import stats
 from ship_trl.config.arm import SCRATCH
 from ship_trl.config.errors import ConfigError
 from ship_trl.run.console import show
-from ship_trl.study.lockstep import read_runs
 from ship_trl.study.report.tables import write_csv
 from ship_trl.study.statistics import LEVEL, Sample
+from studies.lockstep import read_runs
 from studies.second.answers import (
     EQUAL,
     LESS,

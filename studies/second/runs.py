@@ -24,7 +24,7 @@ from ship_trl.run.lockstep import PLACES, learn, starts
 from ship_trl.sim.cases import load_case, load_suite, load_world, suite_of
 from ship_trl.sim.starts import Starts
 from ship_trl.sim.state import initial_state, state_size
-from ship_trl.study.lockstep import EVALUATIONS, Row, Task, make_row, paths_to_keep, weights_path
+from studies.lockstep import EVALUATIONS, Row, Task, make_row, paths_to_keep, weights_path
 from studies.second.plan import FIRST_SOURCE, IMAZU, TRAFFIC, TRAFFIC_SEEDS
 
 # Drawn starts of a target, the same for all runs.

@@ -30,7 +30,7 @@ def main(arguments: list[str] | None = None) -> None:
 
             judge_and_write(options)
             return
-        from ship_trl.study.lockstep import make_missing
+        from studies.lockstep import make_missing
         from studies.sources.runs import train
 
         setting, folder = SETTINGS[options.setting], FOLDER / options.setting

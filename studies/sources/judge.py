@@ -13,8 +13,8 @@ import pandas as pd
 from numpy.typing import NDArray
 
 from ship_trl.config.arm import SCRATCH
-from ship_trl.study.lockstep import OUTCOMES
 from ship_trl.study.statistics import Estimate
+from studies.lockstep import OUTCOMES
 
 Floats = NDArray[np.float64]
 DRAWS, LEVEL, TOP = 2000, 95.0, 3

@@ -22,9 +22,9 @@ import pandas as pd
 from ship_trl.config.errors import ConfigError
 from ship_trl.run.console import show
 from ship_trl.run.process import configure_process
-from ship_trl.study.lockstep import OUTCOMES, read_runs, weights_path
 from ship_trl.study.report.tables import write_csv
 from ship_trl.study.statistics import Estimate
+from studies.lockstep import OUTCOMES, read_runs, weights_path
 from studies.sources import judge
 from studies.sources.plan import FOLDER, SETTINGS, Setting, plan_tasks
 

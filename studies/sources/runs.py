@@ -11,7 +11,7 @@ from torch import Tensor
 
 from ship_trl.learn.lockstep import Lockstep
 from ship_trl.run.lockstep import learn, starts
-from ship_trl.study.lockstep import EVALUATIONS, Row, Task, make_row, paths_to_keep
+from studies.lockstep import EVALUATIONS, Row, Task, make_row, paths_to_keep
 
 # Evaluations of a run on the source's case, beside the one before training.
 ON_SOURCE = 5

@@ -8,14 +8,13 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from ship_trl.config.errors import ConfigError
-from ship_trl.config.paths import conf_dir
+from ship_trl.config.paths import conf_dir, conf_files
 from ship_trl.config.types import World
 from ship_trl.sim.cases import (
     GIVES_WAY,
     HOLDS_COURSE,
     MAX_TARGET_SHIPS,
     Case,
-    conf_files,
     load_case,
     readable_cases,
     shadowing_file,

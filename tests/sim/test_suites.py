@@ -12,12 +12,11 @@ from torchrl.envs import ParallelEnv, SerialEnv
 from torchrl.envs.batched_envs import BatchedEnvBase
 
 from ship_trl.config.errors import ConfigError
-from ship_trl.config.paths import conf_dir
+from ship_trl.config.paths import conf_dir, conf_files
 from ship_trl.config.types import World
 from ship_trl.fast.worlds import make_env, make_starts
 from ship_trl.sim.cases import (
     Perturbation,
-    conf_files,
     load_case,
     load_suite,
     profile_of,

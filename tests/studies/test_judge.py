@@ -6,7 +6,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from ship_trl.study.lockstep import OUTCOMES, add_outcomes
+from studies.lockstep import OUTCOMES, add_outcomes
 from studies.sources import judge
 from studies.sources.logme import evidence, logme
 

@@ -9,8 +9,8 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from ship_trl.study.lockstep import KEY, Task, add_outcomes, join
 from ship_trl.study.statistics import Sample
+from studies.lockstep import KEY, Task, add_outcomes, join
 from studies.second import report
 from studies.second.__main__ import main
 from studies.second.answers import answers, contrast, group_runs, judge, learner_label

@@ -9,7 +9,7 @@ import pandas as pd
 import pytest
 
 from ship_trl.cli.cases import ZERO_SHOT_ARM, ZERO_SHOT_GAIN
-from ship_trl.study.lockstep import KEY, Task
+from studies.lockstep import KEY, Task
 from studies.sources import __main__ as command
 from studies.sources import plan, report
 from studies.sources.judge import winner

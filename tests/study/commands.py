@@ -19,6 +19,20 @@ def study(
     return ship_trl(*overrides, folder=folder, verb="study run", code=code, pictures=pictures)
 
 
+def own_study(folder: Path) -> None:
+    """Write a case, a pair and a study of one's own into a folder."""
+    case = (
+        "start: [0, 0]\ncourse: 0\ngoal: [0, 600]\nideal_path: starboard-29m\n"
+        "target_ships: [{x: 0, y: 900, course: 180, speed: 10}]\n"
+    )
+    pair = "# @package _global_\npair: harbour\nsource: '3'\ntarget: mine\n"
+    study = 'question: "Help: from case 3?"\nprofile: smoke\npairs: [harbour]\narms: [scratch, FT3]\n'
+    for name, text in {"conf/case/mine": case, "conf/pair/harbour": pair, "harbour": study}.items():
+        path = folder / f"{name}.yaml"
+        path.parent.mkdir(parents=True, exist_ok=True)
+        path.write_text(text)
+
+
 def learned(folder: Path) -> dict[str, bytes]:
     """What was learned: curves and weights of all runs."""
     found = files(folder / "outputs/smoke_study")

@@ -5,6 +5,7 @@ import pytest
 from scipy import stats
 
 from ship_trl.study import statistics as s
+from studies.p_values import holm, p_above, p_below
 
 
 def sample(seed: int, mean: float = 0.0, sd: float = 1.0, count: int = 15) -> s.Sample:
@@ -33,9 +34,9 @@ def test_estimate_interval_and_p_speak_of_one_number() -> None:
         values = sample(seed, 0.4)
         found = s.estimate_mean(values, 0.025)
         assert found.value == pytest.approx(stats.trim_mean(values, 0.25))
-        assert (found.low > 0) == (s.p_above(values) <= 0.025)
-        assert (found.high < 0) == (s.p_below(values) <= 0.025)
-        assert s.p_above(values) + s.p_below(values) == pytest.approx(1.0)
+        assert (found.low > 0) == (p_above(values) <= 0.025)
+        assert (found.high < 0) == (p_below(values) <= 0.025)
+        assert p_above(values) + p_below(values) == pytest.approx(1.0)
 
 
 def test_a_share_has_wilsons_interval() -> None:
@@ -45,7 +46,7 @@ def test_a_share_has_wilsons_interval() -> None:
 
 def test_holm_is_the_step_down_method() -> None:
     p = [0.01, 0.04, 0.03, 0.005]
-    assert s.holm(p) == pytest.approx([0.03, 0.06, 0.06, 0.02]) and s.holm([]) == []
+    assert holm(p) == pytest.approx([0.03, 0.06, 0.06, 0.02]) and holm([]) == []
 
 
 def test_intervals_hold_the_truth_about_as_often_as_they_say() -> None:

@@ -9,9 +9,9 @@ from pathlib import Path
 import pytest
 
 from ship_trl.study.launch import last_episode
-from tests.command import files
+from tests.command import SMOKE, files, report
 from tests.forked import Running
-from tests.study.commands import SMALL, learned, study
+from tests.study.commands import SMALL, learned, own_study, study
 
 
 def test_a_study_ends_with_all_its_results(whole: Path) -> None:
@@ -90,3 +90,21 @@ def test_the_last_whole_line_tells_how_far_a_run_is(tmp_path: Path) -> None:
     assert last_episode(path) == 0
     path.write_text("episode,return\n1,2.0\n2,3.0\n34")
     assert last_episode(path) == 2
+
+
+@pytest.mark.long
+def test_a_study_of_ones_own_pair_ends_in_a_page_of_its_question(tmp_path: Path) -> None:
+    own_study(tmp_path)
+    line = "harbour.yaml", f"overrides=[{','.join(SMOKE[1:])}]"
+    done = study(*line, folder=tmp_path, pictures=True)
+    place = tmp_path / "outputs/harbour"
+    assert '"missing": 0' in done.stdout
+    assert "FT3 against scratch, case 3 to case mine, 2 seeds" in done.stdout
+    page = (place / "report/index.html").read_text()
+    assert "<h1>Help: from case 3?</h1>" in page and "claim" not in page.partition("</style>")[2]
+    pictures = {path.stem for path in (place / "report").glob("*.png")}
+    assert pictures == {"effects", "pair_harbour", "differences", "times"}
+    # Made again, it has the same bytes.
+    before = files(place / "report")
+    report([str(place)])
+    assert files(place / "report") == before

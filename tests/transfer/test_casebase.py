@@ -8,8 +8,9 @@ import pytest
 from filelock import Timeout
 
 from ship_trl.config.arm import Arm
+from ship_trl.config.paths import conf_files
 from ship_trl.config.types import Perturbation, World
-from ship_trl.sim.cases import Suite, conf_files, load_case, load_suite, suite_of
+from ship_trl.sim.cases import Suite, load_case, load_suite, suite_of
 from ship_trl.transfer.casebase import CaseBase, rank, recommend
 
 

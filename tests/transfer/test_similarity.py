@@ -6,7 +6,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from ship_trl.sim.cases import Case, TargetShip, conf_files, load_case, load_world
+from ship_trl.config.paths import conf_files
+from ship_trl.sim.cases import Case, TargetShip, load_case, load_world
 from ship_trl.transfer.similarity import distance, similarity
 
 WORLD = load_world()

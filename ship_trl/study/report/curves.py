@@ -31,6 +31,8 @@ from ship_trl.study.plan import (
     scratch_place,
 )
 from ship_trl.study.report.style import (
+    NARROW,
+    NARROW_DPI,
     PALE,
     REUSED_NAMES,
     WIDTH,
@@ -49,6 +51,8 @@ WARMUP_ALPHA = 0.55
 BEST_DASHES, RANDOM_DASHES = (0, (5, 2)), (0, (1, 2))
 # Panels in a row of single arms, and of groups of arms, with inches of their height.
 PAIR_COLUMNS, COLUMNS, HEIGHT = 5, 6, 1.2
+# A pair with at most so many arms has one panel, which fits a phone.
+FEW_ARMS = 3
 # The places of some arms by name, and first of scratch, which they are compared with.
 Panel = dict[str, Place]
 # Panels by the heading above them.
@@ -82,8 +86,10 @@ def make_panels(study: Study, name: str, groups: Iterable[Sequence[str]]) -> lis
 
 
 def pair_sections(study: Study, pair: str) -> Sections:
-    """Return a panel for each arm with its controls: feature extraction, then finetuning."""
+    """Return a panel for each arm with its controls, feature extraction first; one panel for few arms."""
     title, scratch = pair_title(study, pair), scratch_place(PAIRS, pair)
+    if few := few_arms(study, pair):
+        return {title: make_panels(study, pair, [few])}
     groups: dict[str, list[tuple[str, ...]]] = {
         "feature extraction": [(arm, *(control_arm(arm, kind) for kind in CONTROL_KINDS)) for arm in FE],
         "finetuning": [(arm,) for arm in (*FT, WHOLE)],
@@ -98,13 +104,20 @@ def pair_sections(study: Study, pair: str) -> Sections:
     return sections
 
 
+def few_arms(study: Study, pair: str) -> list[str]:
+    """Return the arms of a pair beside scratch, if they are few."""
+    arms = [arm for arm in places_of(study).get(pair, {}) if arm != SCRATCH]
+    return arms if len(arms) <= FEW_ARMS else []
+
+
 def grouped_sections(study: Study) -> Sections:
-    """Return panels of two arms each: a section for each pair, and one for the new case."""
+    """Return panels of two arms each, or of few: a section for each pair, and one for the new case."""
     groups = (FE[:2], FE[2:], FT[:2], FT[2:], (WHOLE,), CONTROL_ARMS)
     sections = {}
     for pair in pairs(study):
         others = [(arm,) for arm in rivals(places_of(study).get(pair, {}))]
-        sections[pair_title(study, pair)] = make_panels(study, pair, (*groups, *others))
+        few = few_arms(study, pair)
+        sections[pair_title(study, pair)] = make_panels(study, pair, [few] if few else (*groups, *others))
     return {heading: found for heading, found in (sections | reuse_sections(study, 2)).items() if found}
 
 
@@ -139,13 +152,16 @@ def lay_out(
         The figure, and for each section its panels with their axes from top to bottom.
     """
     columns = min(columns, max(map(len, sections.values())))
+    is_narrow, in_a_row = columns == 1, 2 if columns == 1 else len(handles)
     counts = [-(-len(panels) // columns) for panels in sections.values()]
     # A section has a heading, and each row has axes, tick labels and a legend.
     tall = []
     for (heading, panels), count in zip(sections.items(), counts, strict=True):
         row = sum(heights.values()) + 0.3 + 0.15 * max(map(len, panels))
         tall.append(0.1 + 0.16 * len(heading.splitlines()) + count * row)
-    figure = Figure((WIDTH, sum(tall) + (0.42 if handles else 0.25)))
+    below = 0.25 + 0.17 * -(-len(handles) // max(1, in_a_row))
+    size = NARROW if is_narrow else WIDTH, sum(tall) + below
+    figure = Figure(size, dpi=NARROW_DPI if is_narrow else None)
     parts = figure.subfigures(len(sections), 1, squeeze=False, height_ratios=tall)[:, 0]
     drawn = []
     for part, (heading, panels), count in zip(parts, sections.items(), counts, strict=True):
@@ -164,7 +180,7 @@ def lay_out(
     # On the last part, because a label of the whole figure would cover the legend.
     parts[-1].supxlabel(label)
     if handles:
-        form: Style = {"loc": "outside lower center", "ncols": len(handles), "columnspacing": 1.2}
+        form: Style = {"loc": "outside lower center", "ncols": in_a_row, "columnspacing": 1.2}
         figure.legend(handles=list(handles), **form)
     return figure, drawn
 
@@ -232,6 +248,8 @@ def draw_panel(study: Study, panel: Panel, axes: Sequence[Axes]) -> list[tuple[f
             label = "" if name == SCRATCH else f"{name} ({len(runs)})"
             values.append(draw_curves(axis, kind(runs[0]).episode[shown], returns, look_of(name), label))
         for level, dashes in ((run.best_known, BEST_DASHES), (run.random_return, RANDOM_DASHES)):
+            if np.isnan(level):
+                continue
             axis.axhline(level, color=GREY, linestyle=dashes, linewidth=0.9, zorder=1)
             values.append((level, level))
         set_episodes(axis, len(run.training.returns))

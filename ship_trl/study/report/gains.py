@@ -20,10 +20,11 @@ from ship_trl.study.metrics import measure
 from ship_trl.study.plan import CONTROL_ARMS, FE, FT, NEW_CASE, PAIRS, SCRATCH, WHOLE, rivals, scratch_place
 from ship_trl.study.report import style
 from ship_trl.study.report.curves import cases_of, pair_title
+from ship_trl.study.report.opening import RETURN, measure_arms
 from ship_trl.study.statistics import TOLERANCE, Estimate, interquartile_mean
 from ship_trl.study.study import Places, Study, pairs, places_of
 from ship_trl.study.tables import OTHER_SEED, SOURCE, UNTRAINED
-from ship_trl.view.style import BLACK, BLUE, BROWN, DASHED, DOTTED, GREY, Style, line
+from ship_trl.view.style import BLACK, DASHED, DOTTED, GREY, Style, line
 
 MAP_ARMS = (*FE, *CONTROL_ARMS, *FT, WHOLE)
 TITLES = {"area": "Gain in training returns", "greedy area": "Gain in greedy returns"}
@@ -156,10 +157,12 @@ FOREST_TITLE = "Gain in greedy returns, as a share of what could be gained"
 FOREST_ARMS = (*FE, *FT, WHOLE, *CONTROL_ARMS)
 # Arms between groups of rows, and the share of a row by which own layers lie lower.
 GROUP_ENDS, SHIFT = (FE[-1], FT[-1], WHOLE), 0.3
-# Shares beyond which an interval is cut off.
+# Shares beyond which an interval is cut off; an arrow says so.
 LEAST, MOST = -1.25, 1.25
-ARM: Style = {"color": BLUE, "marker": "o", "markersize": 5, "linewidth": 1.6}
-CONTROL: Style = ARM | {"color": BROWN, "marker": "s", "markersize": 4}
+BETTER = "better \N{RIGHTWARDS ARROW}"
+# Arms have their own colours.
+ARM: Style = {"color": GREY, "marker": "o", "markersize": 5, "linewidth": 1.6}
+CONTROL: Style = ARM | {"marker": "s", "markersize": 4}
 OWN: Style = {
     "color": GREY,
     "marker": "o",
@@ -237,25 +240,34 @@ def draw_forest(study: Study) -> Figure | None:
     handles.append(Line2D([], [], label="all that could be gained", **BEST))
     if margin is not None:
         handles.append(Patch(label=f"\N{PLUS-MINUS SIGN}{100 * margin:g} % of that", **BAND))
+    low, high = ends_of([gain for one in forests for gain in (*one.gains.values(), *one.own.values())])
+    if low < LEAST or high > MOST:
+        note += " An interval with an arrow goes on beyond the edge."
+    limits = max(LEAST, low) - 0.05, min(MOST, max(high, 1.0)) + 0.05
     note = fill(note, int(NOTE_LETTERS * style.WIDTH))
-    height = lines * (ROW * len(rows) + 0.6) + 0.4 + 0.16 * (note.count("\n") + 3)
+    height = lines * (ROW * len(rows) + 0.75) + 0.4 + 0.16 * (note.count("\n") + 3)
     figure = Figure((style.WIDTH, height))
     figure.suptitle(FOREST_TITLE, x=0.005, ha="left")
     axes = [*figure.subplots(lines, columns, squeeze=False, sharex=True, sharey=True).flat]
     for axis in axes[len(forests) :]:
         axis.remove()
-    found = [gain for one in forests for gain in (*one.gains.values(), *one.own.values())]
-    ends = np.ravel([(gain.low, gain.value, gain.high) for gain in found])
-    finite = [*ends[np.isfinite(ends)], 0.0, 1.0]
-    limits = max(LEAST, min(finite)) - 0.05, min(MOST, max(finite)) + 0.05
     for axis, one in zip(axes, forests, strict=False):
-        draw_rows(axis, one, rows, margin)
         axis.set(xlim=limits, ylim=(len(rows) - 0.4, -0.6))
+        draw_rows(axis, one, rows, margin)
+        axis.axvline(1, **BEST)
+        axis.set_xlabel(BETTER, loc="right")
         axis.tick_params(labelbottom=True)
     form: Style = {"loc": "outside lower left", "alignment": "left", "borderaxespad": 0.2}
     form |= {"title": note, "title_fontsize": style.SMALL, "fontsize": style.SMALL, "ncols": len(handles)}
     figure.legend(handles=handles, **form)
     return figure
+
+
+def ends_of(found: Iterable[Estimate]) -> tuple[float, float]:
+    """Return the least and the largest end of some intervals, and of zero."""
+    ends = np.array([0.0, *(end for one in found for end in (one.low, one.value, one.high))])
+    finite = ends[np.isfinite(ends)]
+    return float(finite.min()), float(finite.max())
 
 
 def draw_rows(axis: Axes, forest: Forest, rows: list[str], share: float | None) -> None:
@@ -264,19 +276,43 @@ def draw_rows(axis: Axes, forest: Forest, rows: list[str], share: float | None) 
     if share is not None:
         axis.axvspan(-share, share, **BAND)
     axis.axvline(0, color="black", linewidth=0.8)
-    axis.axvline(1, **BEST)
+    limits = axis.get_xlim()
     for row, arm in enumerate(rows):
         if arm in GROUP_ENDS and row < len(rows) - 1:
             axis.axhline(row + 0.5 + SHIFT / 2, color=GREY, linewidth=0.3)
-        mark = CONTROL if arm in CONTROL_ARMS else ARM
+        mark = (CONTROL if arm in CONTROL_ARMS else ARM) | {"color": style.look_of(arm)["color"]}
         for gains, height, look in ((forest.own, row + SHIFT, OWN), (forest.gains, row, mark)):
             if found := gains.get(arm):
                 ends = [found.low, found.high]
                 if np.isfinite(ends).all():
                     axis.plot(ends, [height, height], color=look["color"], linewidth=look["linewidth"])
+                    is_cut = ends[0] < limits[0], ends[1] > limits[1]
+                    for edge, arrow, cut in zip(limits, "<>", is_cut, strict=True):
+                        form: Style = {"color": look["color"], "markersize": 4 * cut, "clip_on": False}
+                        axis.plot([edge], [height], arrow, **form)
                 axis.plot([found.value], [height], **look)
     axis.set_title(forest.title)
     axis.set_yticks(range(len(rows)), rows, fontsize=style.FONT)
+
+
+def draw_effects(study: Study) -> Figure | None:
+    """Draw how far each arm's greedy return is from scratch's, a panel a pair; None without differences."""
+    panels: dict[str, Column] = {}
+    for one in measure_arms(study):
+        if one.differences:
+            panels.setdefault(one.pair, {})[one.arm] = one.differences[RETURN]
+    if not panels:
+        return None
+    low, high = ends_of(one for gains in panels.values() for one in gains.values())
+    room = 0.05 * (high - low) or 1.0
+    heights = [ROW * len(gains) + 0.3 for gains in panels.values()]
+    figure = Figure((style.NARROW, sum(heights) + 0.4), dpi=style.NARROW_DPI)
+    axes = figure.subplots(len(panels), 1, squeeze=False, sharex=True, height_ratios=heights)[:, 0]
+    for axis, (name, gains) in zip(axes, panels.items(), strict=True):
+        axis.set(xlim=(low - room, high + room), ylim=(len(gains) - 0.4, -0.6))
+        draw_rows(axis, Forest(pair_title(study, name), gains, {}), [*gains], None)
+    axes[-1].set_xlabel(f"{RETURN} above scratch        {BETTER}")
+    return figure
 
 
 # Words and look of each arm and the network that it is compared with; lines of scratch are black.

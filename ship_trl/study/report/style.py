@@ -22,8 +22,10 @@ from ship_trl.study.statistics import MIN_BAND_SEEDS, band
 from ship_trl.view import style as view
 from ship_trl.view.style import BROWN, CHART, CHART_SERIES, DASHED, Style, line
 
-# Inches, close to the size on the page, which is at most 75 rem wide.
-WIDTH = 11.0
+# Inches, close to the size on the page, which is at most 75 rem wide; and of a figure that fits a phone.
+WIDTH, NARROW = 11.0, 4.4
+# Pixels an inch of a narrow figure, which a wide page enlarges.
+NARROW_DPI = 220
 # Font sizes in points.
 FONT, SMALL = 8.0, 7.5
 # Matplotlib's settings, while figures are drawn and saved.

@@ -14,11 +14,12 @@ import numpy as np
 import pandas as pd
 
 from ship_trl.config.arm import SCRATCH, Arm, SourceWeights
+from ship_trl.config.errors import ConfigError
+from ship_trl.config.paths import conf_files
 from ship_trl.files.disk import atomic_write
 from ship_trl.files.record import RunRecord
 from ship_trl.sim.cases import load_case, load_world
 from ship_trl.study import compare
-from ship_trl.study.claims import Claims
 from ship_trl.study.compare import MIN_SEEDS, SEED, gain
 from ship_trl.study.metrics import METRICS, THRESHOLDS, has_reached, measure, metrics_of
 from ship_trl.study.plan import (
@@ -29,12 +30,11 @@ from ship_trl.study.plan import (
     PARTS,
     REUSED_CASE,
     Place,
-    options,
-    read_option,
+    read_pair,
     scratch_place,
 )
 from ship_trl.study.statistics import LEVEL, Estimate, Sample, bootstrap, interquartile_mean, share_interval
-from ship_trl.study.study import Study
+from ship_trl.study.study import Study, pairs
 from ship_trl.study.tables import LAYER_NAMES, read_groups
 from ship_trl.study.transfers import COLUMNS
 from ship_trl.transfer.similarity import ALPHA, BETA, describe_similarity, similarity
@@ -66,7 +66,8 @@ def arm_rows(study: Study) -> list[Row]:
             row |= estimate_cells(name, estimate([measure(run, name) for run in runs]))
         areas = [measure(run, "area") for run in runs]
         row["area deviation"] = float(np.std(areas, ddof=1)) if len(runs) > 1 else ""
-        row["reached"] = sum(map(has_reached, runs))
+        has_scores = bool(np.isfinite(areas).all())
+        row["reached"] = sum(map(has_reached, runs)) if has_scores else ""
         # A share of runs needs another interval.
         fallen = sum(int(measure(run, "fell")) for run in runs)
         row |= estimate_cells("fell", share_interval(fallen, len(runs)))
@@ -75,7 +76,8 @@ def arm_rows(study: Study) -> list[Row]:
         both = study.matched({"arm": place, "scratch": scratch})
         own, base = (np.array([measure(run, "area") for run in both[name]]) for name in ("arm", "scratch"))
         is_transfer = not Arm.parse(arm).is_scratch
-        ratio = bootstrap([own, base], area_ratio, SEED) if is_transfer and len(own) >= MIN_SEEDS else None
+        has_ratio = is_transfer and has_scores and len(own) >= MIN_SEEDS
+        ratio = bootstrap([own, base], area_ratio, SEED) if has_ratio else None
         row |= estimate_cells("transfer ratio", ratio)
         forward = compare.forward_transfer(own, base, paired=True) if is_transfer and len(own) else None
         row |= estimate_cells(FORWARD, forward if forward and np.isfinite(forward.value) else None)
@@ -129,7 +131,8 @@ def transfer_rows(study: Study) -> list[Row]:
         # All intervals of a target together miss as often as one (Bonferroni).
         adjusted = replace(judged, level=LEVEL / 2 / len(transfers))
         for place, run in transfers:
-            if (found := gain(adjusted, place, scratch_place(*place[:2]))) is None:
+            found = gain(adjusted, place, scratch_place(*place[:2]))
+            if found is None or np.isnan(found.value):
                 continue
             source, epsilon = str(run.source), LOW_EPSILON if place[0] in (LOW, ALONE) else None
             ends = (round(value, 4) for value in (found.value, found.low, found.high))
@@ -149,12 +152,21 @@ def layer_rows(study: Study) -> list[Row]:
     return rows
 
 
-def similarity_rows(claims: Claims) -> list[Row]:
-    """Return table 2: the similarity of source and target of each pair, the most similar first."""
-    world, rows = load_world(), []
-    for pair in options("pair"):
-        cases = read_option("pair", pair)
-        base, target = (load_case(str(cases[key]), world) for key in ("source", "target"))
+def similarity_rows(study: Study) -> list[Row]:
+    """Return table 2: the similarity of source and target of each pair, the most similar first.
+
+    With claims there are the bundled pairs too. Pairs of suites, or of cases that are not here, are left out.
+    """
+    world, rows, claims = load_world(), [], study.claims
+    known = {pair: study.cases(pair) for pair in pairs(study)}
+    if claims.judge:
+        files = {pair: read_pair(pair) for pair in conf_files("pair")}
+        known |= {pair: (values["source"], values["target"]) for pair, values in files.items()}
+    for pair, names in sorted(known.items()):
+        try:
+            base, target = (load_case(str(name), world) for name in names)
+        except ConfigError:
+            continue
         row: Row = {"pair": pair, "source": base.name, "target": target.name}
         row |= {"similarity": similarity(base, target), "paper": claims.similarity.get(pair, "")}
         row["common"], row["different"] = describe_similarity(base, target)

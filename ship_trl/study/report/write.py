@@ -9,36 +9,39 @@ from collections.abc import Callable
 from functools import partial
 from math import isfinite
 from pathlib import Path
+from typing import Any
 
 import jinja2
 import matplotlib
 from matplotlib.figure import Figure
 
-from ship_trl.config.errors import ConfigError
+from ship_trl.config.errors import ConfigError, command
 from ship_trl.files.disk import atomic_write
 from ship_trl.run.console import Show, show_share
-from ship_trl.study.claims import NO_CLAIMS, Claims, Verdicts
-from ship_trl.study.manifest import describe_rules
+from ship_trl.study.claims import NO_CLAIMS, Verdicts, load_claims
+from ship_trl.study.manifest import describe_rules, load_plan
 from ship_trl.study.metrics import LATER, THRESHOLDS
-from ship_trl.study.report import curves, gains, tables
-from ship_trl.study.report.style import REPORT, save
+from ship_trl.study.report import curves, gains, opening, tables
+from ship_trl.study.report.style import REPORT, WIDTH, save
 from ship_trl.study.study import Study, finished_study, pairs
 
 # Shares of the time that pass until runs are read, claims are judged and tables are written; then figures.
 READ, JUDGED, TABLES = 0.1, 0.2, 0.5
 
 
-def report(folder: Path, output: Path, seeds: int | None = None, claims: Claims = NO_CLAIMS) -> None:
-    """Write the page, tables and figures of a study or its tables, or of its first seeds, with its verdicts.
+def report(folder: Path, output: Path, seeds: int | None = None, claims: Path | None = None) -> None:
+    """Write the page, tables and figures of a study or its tables, or of its first seeds.
 
-    Runs that cannot be read are left out, and named on stderr and on the page.
+    There are verdicts if the study was begun with rules, or a `claims` file is named. Runs that cannot be
+    read are left out, and named on stderr and on the page.
 
     Raises:
         ConfigError: there is no finished run, there are fewer seeds, the report cannot be written, or
             the claims cannot be judged.
     """
     with show_share("report") as show:
-        study = finished_study(folder, seeds, claims)
+        is_judged = claims is not None or load_plan(folder).rules
+        study = finished_study(folder, seeds, load_claims(claims) if is_judged else NO_CLAIMS)
         try:
             output.mkdir(parents=True, exist_ok=True)
             lines = write(study, folder, output, missing_runs(study, folder, seeds), show)
@@ -64,6 +67,8 @@ def write(study: Study, folder: Path, output: Path, missing: int, show: Show) ->
     judge = study.claims.judge
     judged = Verdicts([], "", [], {}) if judge is None else judge(study, folder)
     show(JUDGED)
+    reached = list(opening.measure_arms(study))
+    headlines = [one.headline for one in reached if one.differences]
     arms = tables.arm_rows(study)
     # Tables of older studies stay as they were, see `LATER`.
     is_old = bool(arms) and LATER[0] not in arms[0]
@@ -71,19 +76,16 @@ def write(study: Study, folder: Path, output: Path, missing: int, show: Show) ->
     rows = {
         "runs": tables.run_rows(study),
         "arms": kept,
+        "effects": [] if study.claims.judge else [one.row for one in reached],
         "claims": judged.rows,
-        "table_2": tables.similarity_rows(study.claims),
+        "table_2": tables.similarity_rows(study),
         "transfers": tables.transfer_rows(study),
         "cka": tables.layer_rows(study),
     }
     for name, table in rows.items():
         tables.write_csv(output / f"{name}.csv", table)
     show(TABLES)
-    records, computed = study.records.values(), study.computed()
-    words = {
-        key: f"{key}: {', '.join(f'{value} ({count})' for value, count in counts.items())}"
-        for key, counts in computed.items()
-    }
+    records, facts = study.records.values(), opening.facts_of(study)
     page = study.claims.page or Path(__file__).parent / "page.html"
     environment = jinja2.Environment(
         loader=jinja2.FileSystemLoader([Path(__file__).parent, page.parent]),
@@ -95,6 +97,13 @@ def write(study: Study, folder: Path, output: Path, missing: int, show: Show) ->
     environment.filters["isfinite"] = isfinite
     text = environment.get_template(page.name).render(
         judged.shown,
+        title=opening.title_of(study),
+        headlines=headlines if len(headlines) <= opening.MANY else [],
+        reached=reached,
+        outcomes=opening.OUTCOMES,
+        facts=facts,
+        command=command("study", "run", *study.plan.words) if study.plan.words else "",
+        is_judged=study.claims.judge is not None,
         arms=arms,
         has_forgetting=any("forgetting" in row for row in arms),
         similar=rows["table_2"],
@@ -102,12 +111,11 @@ def write(study: Study, folder: Path, output: Path, missing: int, show: Show) ->
         pictures=draw_all(study, output, lambda share: show(TABLES + (1 - TABLES) * share)),
         runs=len(records),
         profile=", ".join(sorted({r.profile for r in records})),
-        episodes=", ".join(sorted({str(len(r.training.returns)) for r in records})),
+        episodes=", ".join(sorted({str(r.episodes) for r in records})),
         seeds=len({key[3] for key in study.records}),
         threshold=THRESHOLDS[0],
         rules=describe_rules(study.plan.rules, study.claims.rules),
-        mixed=[words[key] for key, counts in computed.items() if len(counts) > 1],
-        computed=list(words.values()),
+        mixed=[f"{key}: {facts[key]}" for key, counts in study.computed().items() if len(counts) > 1],
         equation=tables.EQUATION,
         broken=study.broken,
     )
@@ -117,20 +125,36 @@ def write(study: Study, folder: Path, output: Path, missing: int, show: Show) ->
             continue
         with atomic_write(output / name) as draft:
             draft.write_text(content)
-    return [*judged.lines, *([f"{missing} planned runs are missing"] if missing else [])]
+    told = [] if study.claims.judge else headlines[: opening.MANY]
+    return [*judged.lines, *told, *([f"{missing} planned runs are missing"] if missing else [])]
 
 
 # Names of figures. Files of an earlier report with these names are removed unless they are drawn again.
-NAMES = ("pair_*", "reuse", "differences", "times", "gains*", "layers", "forest_*")
+NAMES = ("effects", "pair_*", "reuse", "differences", "times", "gains*", "layers", "forest_*")
 
 
 def drawings(study: Study) -> dict[str, tuple[str, Callable[[], Figure | None]]]:
     """Return title and drawing function of each figure by its name, in the order of the page.
 
-    A function returns None if the study has no runs for its figure.
+    A function returns None if the study has no runs for its figure. Few arms without claims need no maps.
     """
     sections = {pair: curves.pair_sections(study, pair) for pair in pairs(study)}
+    # Figures of scores.
+    scored = study.scored()
+    is_small = (
+        bool(sections) and not study.claims.judge and all(curves.few_arms(study, pair) for pair in sections)
+    )
+    effects = {"effects": ("Greedy return above scratch", lambda: gains.draw_effects(study))}
+    maps = {
+        "gains": ("Gains of transfer, by source and target", lambda: gains.draw_gains(scored, "area")),
+        "gains_greedy": (
+            "Gains of transfer in greedy returns",
+            lambda: gains.draw_gains(scored, "greedy area"),
+        ),
+        "gains_forest": ("Gains of the pairs in greedy returns", lambda: gains.draw_forest(scored)),
+    }
     return {
+        **(effects if is_small else {}),
         **{
             f"pair_{pair}": (curves.pair_title(study, pair), partial(curves.draw_returns, study, shown))
             for pair, shown in sections.items()
@@ -141,26 +165,21 @@ def drawings(study: Study) -> dict[str, tuple[str, Callable[[], Figure | None]]]
         ),
         "differences": (
             "Differences from scratch along the training",
-            lambda: curves.draw_differences(study),
+            lambda: curves.draw_differences(scored),
         ),
-        "times": ("Time to the threshold", lambda: curves.draw_times(study)),
-        "gains": ("Gains of transfer, by source and target", lambda: gains.draw_gains(study, "area")),
-        "gains_greedy": (
-            "Gains of transfer in greedy returns",
-            lambda: gains.draw_gains(study, "greedy area"),
-        ),
-        "gains_forest": ("Gains of the pairs in greedy returns", lambda: gains.draw_forest(study)),
+        "times": ("Time to the threshold", lambda: curves.draw_times(scored)),
+        **({} if is_small else maps),
         "layers": ("Similarity of layers", lambda: gains.draw_layers(study)),
     }
 
 
-def draw_all(study: Study, output: Path, show: Callable[[float], None]) -> list[dict[str, str]]:
+def draw_all(study: Study, output: Path, show: Callable[[float], None]) -> list[dict[str, Any]]:
     """Draw all figures that the study has runs for, as PNG and PDF, and remove those of an earlier report.
 
     `show` is told the share of the figures that are done.
 
     Returns:
-        For each figure its name, its title, and its PNG in base64.
+        For each figure its name, its title, its PNG in base64, and whether it is `narrow`.
     """
     pictures, planned = [], drawings(study)
     with matplotlib.rc_context(REPORT):
@@ -168,7 +187,9 @@ def draw_all(study: Study, output: Path, show: Callable[[float], None]) -> list[
             show(done / len(planned))
             if figure := draw():
                 png = save(figure, output / name)
-                pictures.append({"name": name, "title": title, "png": base64.b64encode(png).decode()})
+                narrow = figure.get_figwidth() < WIDTH
+                code = base64.b64encode(png).decode()
+                pictures.append({"name": name, "title": title, "png": code, "narrow": narrow})
     drawn = {picture["name"] for picture in pictures}
     for path in (path for name in NAMES for path in output.glob(f"{name}.*")):
         if path.suffix in (".png", ".pdf") and path.stem not in drawn:

@@ -80,7 +80,7 @@ def test_the_report_that_is_kept_follows_from_the_tables(
     made = tmp_path / "made"
     # Pictures take most of the time.
     monkeypatch.setattr(write, "draw_all", lambda *_: [])
-    write.report(FOLDER, made, SEEN, claims())
+    write.report(FOLDER, made, SEEN)
     names = {path.name for path in made.glob("*.csv")}
     assert {path.name for path in REPORT.glob("*.csv")} == names
     for name in sorted(names):

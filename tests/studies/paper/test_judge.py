@@ -8,8 +8,9 @@ import pytest
 from scipy import stats
 
 from ship_trl.study.manifest import NO_PLAN
-from ship_trl.study.statistics import FREEDOM_FACTOR, Estimate, estimate_mean, p_above, standard_error
+from ship_trl.study.statistics import FREEDOM_FACTOR, Estimate, estimate_mean, standard_error
 from ship_trl.study.study import Study
+from studies.p_values import p_above
 from studies.paper.claims import OURS
 from studies.paper.contrasts import Claimed, Levels, Spread, add_p_values, beats, no_more
 from studies.paper.judge import (

@@ -4,12 +4,12 @@ import pytest
 
 from ship_trl.config.arm import Arm
 from ship_trl.config.errors import ConfigError
+from ship_trl.config.paths import conf_files
 from ship_trl.study.plan import (
     CONTROL_ARMS,
     CONTROL_PAIRS,
     FIRST_BLOCK_ARMS,
     FIRST_BLOCK_PAIRS,
-    options,
     to_study,
 )
 from tests.config.test_config import composed
@@ -28,15 +28,15 @@ from tests.config.test_config import composed
         ("overrides=[learn.epsilon_start=0.5]", "overrides: learn.epsilon_start differs"),
         ("arms=scratch,FE3", "arms: must be a valid list, got"),
         ("pairs=[high,", "pairs=[high,: cannot be read; a list is written without spaces"),
-        ("arms=[FTW,FE3-random]", "arms: FE3-random is one of the controls; allowed: controls=false"),
-        ("sseds=3", "sseds: unknown key; allowed here: profile, seeds"),
-        ("pairs=[low]", "reuse: needs pair high with arm FTW"),
+        ("controls=true arms=[FTW,FE3-random]", "arms: FE3-random is one of the controls; allowed: contr"),
+        ("sseds=3", "sseds: unknown key; allowed here: question, profile, seeds"),
+        ("reuse=true pairs=[low]", "reuse: needs pair high with arm FTW"),
         ("\x1b[31m=3", "\\x1b: unknown key"),
     ],
 )
 def test_what_is_wrong_is_said(override: str, said: str) -> None:
     with pytest.raises(ConfigError) as caught:
-        to_study([override])
+        to_study(override.split(" "))
     assert said in str(caught.value) and "\n" not in str(caught.value)
 
 
@@ -61,4 +61,4 @@ def test_every_control_composes_and_says_what_it_is() -> None:
     for arm in (*CONTROL_ARMS, *FIRST_BLOCK_ARMS):
         assert composed("+pair=low", f"+arm={arm}").arm.name == arm
     for pair, arms in (*CONTROL_PAIRS.items(), *FIRST_BLOCK_PAIRS.items()):
-        assert [Arm.parse(arm).name for arm in arms] == list(arms) and pair in options("pair")
+        assert [Arm.parse(arm).name for arm in arms] == list(arms) and pair in conf_files("pair")

@@ -64,3 +64,14 @@ def test_where_nothing_can_be_gained_there_is_no_panel() -> None:
         best[key] = with_curve(record, GREEDY, returns=np.full(41, record.best_known))
     assert draw_forest(Study(best)) is None
     assert draw_forest(make_study({("pairs", "high", "FE1"): 0.5})) is None
+
+
+def test_an_interval_that_is_cut_off_has_an_arrow_and_a_word() -> None:
+    places = {("pairs", "high", "scratch"): 0.9, ("pairs", "high", "FE1"): 0.2}
+    # The arm loses many times what could be gained.
+    figure = drawn(make_study(places, seeds=6))
+    arrows = [line.get_marker() for line in figure.axes[0].lines if line.get_markersize() == 4]
+    assert "<" in arrows and "goes on beyond the edge" in figure.legends[0].get_title().get_text()
+    assert "better" in figure.axes[0].get_xlabel()
+    calm = drawn(make_study(PAIR, seeds=6))
+    assert "goes on" not in calm.legends[0].get_title().get_text()

@@ -33,6 +33,8 @@ from tests.study.synthetic import learning, make_study, write_planned, write_run
 MARKUP = "<img src=x onerror=alert(1)>"
 # Files of an earlier report that go, and files that stay.
 GONE, STAYING = ["pair_low.png", "pair_low.pdf", "reuse.png", "forest_3.pdf"], ["mine.png", "pair_low.txt"]
+# A study that was not begun with rules is judged when it is asked to be.
+CLAIMS = "--claims", str(ROOT / "studies/paper/claims.py")
 # From the worst to the best: claims H5d and H5k hold, and H5e is open.
 ARMS = ("FT1", "FE2", "scratch", "FE1", "FT2", "FTW")
 FEW = ("scratch", "FE1")
@@ -62,7 +64,7 @@ class Reported:
 
 def report(folder: Path) -> Reported:
     with redirect_stdout(io.StringIO()) as out, redirect_stderr(io.StringIO()) as err:
-        main([str(folder)])
+        main([str(folder), *CLAIMS])
     return Reported(folder, out.getvalue(), err.getvalue())
 
 
@@ -144,11 +146,13 @@ def test_without_claims_there_are_tables_and_figures_and_no_verdicts(
     monkeypatch.setattr(write, "draw_all", lambda *_: [])
     write.report(reported.folder, tmp_path)
     names = {path.name for path in tmp_path.iterdir()}
-    assert names == {"arms.csv", "index.html", "runs.csv", "table_2.csv"}
+    assert names == {"arms.csv", "effects.csv", "index.html", "runs.csv", "table_2.csv"}
     assert (tmp_path / "arms.csv").read_text() == reported.read("arms.csv")
     page = (tmp_path / "index.html").read_text()
-    assert "<h2>Arms</h2>" in page and "claim" not in page.partition("</style>")[2]
-    assert capsys.readouterr().out == f"30 runs, 0 left out; {tmp_path / 'index.html'}\n"
+    assert "<h2>Scores by arm</h2>" in page and "claim" not in page.partition("</style>")[2]
+    *headlines, last = capsys.readouterr().out.splitlines()
+    assert len(headlines) == 4 and "FE1 against scratch, case 1 to case 2, 5 seeds" in headlines[0]
+    assert last == f"30 runs, 0 left out; {tmp_path / 'index.html'}"
 
 
 def test_a_claims_file_may_be_ones_own(
@@ -357,7 +361,7 @@ def test_earlier_verdicts_that_cannot_be_read_are_refused(
     write_study(tmp_path, 1, arms=("scratch",))
     (tmp_path / "earlier.csv").write_text(text)
     with pytest.raises(SystemExit):
-        main([str(tmp_path)])
+        main([str(tmp_path), *CLAIMS])
     assert f"ship_trl: folder: {tmp_path / 'earlier.csv'} is not" in capsys.readouterr().err
 
 
@@ -409,7 +413,7 @@ def test_runs_that_were_not_computed_alike_are_counted(odd: Reported) -> None:
     text = odd.read("index.html")
     assert re.search(r"Not computed alike, precision: bfloat16 \(1\), float32 \(\d+\)\.", text)
     assert "alike, device" not in text
-    assert re.search(r"computed with .*device: cpu \(\d+\); precision: bfloat16 \(1\), float32", text)
+    assert re.search(r"<th>device</th><td>cpu \(\d+\)</td>", text)
 
 
 def test_an_untrusted_study_puts_no_markup_into_the_page(odd: Reported) -> None:

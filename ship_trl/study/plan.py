@@ -179,8 +179,10 @@ def to_study(words: list[str]) -> StudyConfig:
         ConfigError: a key or a name is unknown, or a value is not allowed.
     """
     files = [Path(word) for word in words[:1] if "=" not in word]
+    parts: list[Any] = []
     try:
-        parts = [part for path in files for part in ({"output": f"outputs/{stem(path)}"}, read_values(path))]
+        for path in files:
+            parts += {"output": f"outputs/{stem(path)}"}, read_values(path)
         changes = read_changes(words[len(files) :])
         values = OmegaConf.merge(read_yaml(conf_dir() / "study.yaml"), *parts, changes)
     except (yaml.YAMLError, OmegaConfBaseException, LookupError, ValueError, TypeError, RecursionError):
@@ -264,7 +266,7 @@ def read_pair(name: str) -> dict[str, Any]:
 
 @cache
 def _read_pair(name: str, path: Path) -> Any:
-    values = OmegaConf.to_container(read_values(path))
+    values: Any = OmegaConf.to_container(read_values(path))
     cases = [values.get(key) for key in ("source", "target")] if isinstance(values, dict) else []
     if not cases or not all(isinstance(case, str | int) and is_name(str(case)) for case in cases):
         raise ConfigError(f"pairs: {path}: must name a source and a target, as conf/pair/high.yaml")

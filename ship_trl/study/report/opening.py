@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -92,9 +92,9 @@ def measure_arms(study: Study) -> Iterator[Reached]:
         for arm, place in sorted(known[pair].items(), key=lambda item: item[0] != SCRATCH):
             runs = [*study.arm(*place).values()]
             both = study.matched({"arm": place, "scratch": scratch_place(*place[:2])})
-            compared = OUTCOMES if arm != SCRATCH and both["arm"] else ()
+            compared: Iterable[str] = OUTCOMES if arm != SCRATCH and both["arm"] else ()
             outcomes = {name: estimate(sample(runs, name).tolist()) for name in OUTCOMES}
-            differences = {}
+            differences: dict[str, Estimate] = {}
             for name in compared:
                 found = estimate_mean(sample(both["arm"], name) - sample(both["scratch"], name), study.level)
                 # As for an arm, few seeds have no interval.

@@ -4,6 +4,7 @@ import csv
 import re
 from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -63,7 +64,7 @@ def test_right_is_better_and_an_arm_has_its_colour() -> None:
     assert draw_effects(study_of(scratch=scratch)) is None
 
 
-def write_own(folder: Path, **changes: object) -> None:
+def write_own(folder: Path, **changes: Any) -> None:
     rng = np.random.default_rng(0)
     for arm, end in (("scratch", 0.5), ("FT3", 0.8)):
         for seed in range(5):

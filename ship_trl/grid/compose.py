@@ -211,6 +211,8 @@ def explain_hydra(error: Exception) -> str:
             sign, why = ("", "it has a value") if "append" in found[0] else ("+", "no file gives it a value")
             return f"{key}: {why}; write {sign}{key}=VALUE"
         return f"{key}: unknown key; allowed here: {', '.join(known)}"
+    if found := re.match(r"Additional config directory '(.*)' not found", text):
+        return f"--config-dir: no folder {found[1]}"
     text = " ".join(text.partition("\nSee https://hydra.cc")[0].split())
     # A value with characters of Hydra's grammar, as seed=0 in a path.
     hint = "; quote such a value twice: \"KEY='VALUE'\"" if isinstance(error, OverrideParseException) else ""

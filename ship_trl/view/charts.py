@@ -232,7 +232,7 @@ def draw_trajectories(
             result = f"return {result}, {group[0].outcome}"
         else:
             goals = sum(one.outcome == "goal" for one in group)
-            result = f"{counted(len(group), 'seed')}, mean {result}, goal {goals}"
+            result = f"{counted(len(group), 'seed')}, mean {result}, {goals} at the goal"
         axes.set_title(f"{name}\n{result}", fontsize=10, loc="left")
         for one in paths if len(groups) > 1 else ():
             label = "the other policies"

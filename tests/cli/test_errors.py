@@ -144,6 +144,7 @@ REFUSED = {
     "target=1 method=scratch +learn.lr=1": "learn.lr: it has a value; write learn.lr=VALUE",
     "watches target=4": "watches: no such verb; allowed: watch, record, play,",
     "source=1 target=2 layers=1 source_file=a/seed=0/b": "overrides: mismatched input '='",
+    "--config-dir=gone target=1 method=scratch": "--config-dir: no folder ",
     "--config-dir=broken target=1 method=scratch network=broken": "config: not YAML: while parsing",
     "+pair=high layers=3 device=cuda": "device: no CUDA device",
     "target=broken.yaml method=scratch": "broken.yaml: goal: missing",

@@ -62,30 +62,16 @@ class Panel:
         self.is_wide = self.room.width >= 380 * self.unit
 
     def write(
-        self,
-        text: str,
-        x: float,
-        y: float,
-        colour: Colour = TEXT,
-        pixels: float = 13,
-        bold: bool = False,
-        across: float = 0.0,
-    ) -> float:
-        """Write a line with letters of `pixels` before scaling, as `pen.write` does."""
-        return pen.write(self.surface, text, (x, y), colour, max(9, round(pixels * self.unit)), bold, across)
+        self, text: str, x: float, y: float, colour: Colour, bold: bool = False, across: float = 0.0
+    ) -> None:
+        """Write a line in small letters, as `pen.write` does."""
+        pen.write(self.surface, text, (x, y), colour, max(9, round(13 * self.unit)), bold, across)
 
     def head(self, text: str) -> None:
         """Begin a section."""
-        size = max(9, round(13 * self.unit))
-        words = pen.cut(text, self.room.width, size)
-        pen.write(self.surface, words, (self.room.left, self.down + 8 * self.unit), FAINT, size)
+        words = pen.cut(text, self.room.width, max(9, round(13 * self.unit)))
+        self.write(words, self.room.left, self.down + 8 * self.unit, FAINT)
         self.down += 21 * self.unit
-
-    def bar(self, start: float, end: float, middle: float, height: float, colour: Colour) -> None:
-        """Draw a bar from one x to another."""
-        box = pygame.Rect(0, 0, max(1, round(abs(end - start))), round(height))
-        box.midleft = (round(min(start, end)), round(middle))
-        pygame.draw.rect(self.surface, colour, box)
 
     def network_view(self) -> None:
         """Draw what the network sees, and the saliency over it."""
@@ -156,7 +142,9 @@ class Panel:
                 self.write(action_text(self.world, k), room.left + 48 * unit, middle, shade)
             if q is not None:
                 end = zero + half * float(q[k] - q.mean()) / max(1e-6, float(np.abs(q - q.mean()).max()))
-                self.bar(zero, end, middle, 0.6 * pitch, CHOSEN if is_chosen else BAR)
+                box = pygame.Rect(0, 0, max(1, round(abs(end - zero))), round(0.6 * pitch))
+                box.midleft = (round(min(zero, end)), round(middle))
+                pygame.draw.rect(self.surface, CHOSEN if is_chosen else BAR, box)
                 self.write(number(float(q[k]), ".3f"), room.right, middle, colour, bold=is_chosen, across=1)
         if q is not None:
             self.write("value V", zero, self.down - 13 * unit, SKY, across=0.5)

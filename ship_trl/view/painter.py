@@ -223,8 +223,8 @@ def place_labels(
         angle, away = frame.up - pose[HEADING], length * frame.scale * 0.28 + 0.52 * badge
         wanted.append((str(k), pose[:2], angle, away, (badge, badge), hulls[:k] + hulls[k + 1 :]))
     picture = pygame.Rect(0, 0, side, side)
-    for words, place, angle, away, sides, others in wanted:
-        x, y = frame.point(*place)
+    for words, at, angle, away, sides, others in wanted:
+        x, y = frame.point(*at)
         polar = ((away + k * sides[1] / 2, angle + turn) for k in range(RINGS) for turn in TURNS)
         boxes = (_box((x + r * math.cos(turn), y + r * math.sin(turn)), sides) for r, turn in polar)
         taken = list(found.values())

@@ -107,13 +107,11 @@ def test_red_is_only_where_a_ship_is_inside_the_safe_distance(world: World) -> N
 def random_scene(draw: np.random.Generator, world: World) -> Telemetry:
     """A scene of up to eight ships, often close together, so that their labels compete for places."""
     spread, middle = draw.choice([20.0, 80.0, 400.0]), draw.uniform(-300, 600, 2)
-    ships = [
-        TargetShip(*(middle + draw.uniform(-spread, spread, 2)).tolist(), draw.uniform(-180, 180), 10.0)
-        for _ in range(draw.integers(0, 9))
-    ]
+    places = middle + draw.uniform(-spread, spread, (draw.integers(0, 9), 2))
+    ships = [TargetShip(x, y, draw.uniform(-180, 180), 10.0) for x, y in places.tolist()]
     case = Case([0.0, 0.0], draw.uniform(-180, 180), draw.uniform(-600, 600, 2).tolist(), "drawn", ships)
     scene = still(world, initial_state(case, world))
-    scene.outcome = draw.choice([None, "goal", "collision", "timeout"])
+    scene.outcome = (None, "goal", "collision", "timeout")[draw.integers(4)]
     return scene
 
 

@@ -51,6 +51,8 @@ TABLE_COLUMNS = (
 Behaviour = StrEnum("Behaviour", ["holds", "gives_way"])
 # Their numbers in a state. A ship that is giving way goes on until the ships have passed (Rule 13(d)).
 HOLDS_COURSE, GIVES_WAY, GIVING_WAY = 0.0, 1.0, 2.0
+# From here on the numbers of ships that follow a recorded path.
+FIRST_RECORDED = 3
 BEHAVIOURS = {Behaviour.holds: HOLDS_COURSE, Behaviour.gives_way: GIVES_WAY}
 
 
@@ -63,6 +65,27 @@ class TargetShip:
     heading: Number
     speed: Annotated[float, Field(ge=0, le=MAX_DISTANCE)]
     behaviour: Behaviour = Behaviour.holds
+
+    @property
+    def behaviour_number(self) -> float:
+        """Its behaviour in a state."""
+        return BEHAVIOURS[self.behaviour]
+
+
+@dataclass
+class RecordedShip(TargetShip):
+    """A target ship that follows its recorded path: x and y (m) after each step; then it keeps its course.
+
+    `number` tells it from the other recorded ships of its suite.
+    """
+
+    path: tuple[tuple[float, float], ...] = ()
+    number: int = 0
+
+    @property
+    def behaviour_number(self) -> float:
+        """Its behaviour in a state: which path it follows (`ship_trl.sim.replay`)."""
+        return FIRST_RECORDED + self.number
 
 
 @dataclass(kw_only=True)
@@ -100,11 +123,42 @@ class CaseFile(Direction):
     unit: Metres = 1.0
 
 
+@dataclass(frozen=True)
+class Scale:
+    """How large a case of another tool is at sea: `length` m a metre, `speed` m/s a m/s.
+
+    `start` (UTC) and `place`, latitude and longitude (degrees) of its origin, are known of some.
+    """
+
+    length: float
+    speed: float
+    start: str = ""
+    place: tuple[float, float] | None = None
+
+    @property
+    def time(self) -> float:
+        """Seconds at sea a second."""
+        return self.length / self.speed
+
+    def describe(self, world: World) -> str:
+        """Return the scale in words, in nautical miles and knots."""
+        knots = world.actions[world.straight_action][0] * self.speed * 3600 / 1852
+        miles, step = world.safe_distance * self.length / 1852, world.dt * self.time
+        parts = (
+            f"{world.safe_distance:g} m are {miles:.2f} NM",
+            f"a step {step:.0f} s",
+            f"own ship {knots:.1f} kn",
+        )
+        return ", ".join((*parts, f"{self.start[:16]} UTC") if self.start else parts)
+
+
 @dataclass
 class Case:
     """One encounter (figure 4): metres, degrees counter-clockwise from east. `name` is the stem of its file.
 
-    `ideal_path` names the shortest safe path, which cases may share. Only similarity reads it.
+    `ideal_path` names the shortest safe path, which cases may share. Only similarity reads it. Encounters of
+    other tools have a `scale`, and recorded ones own ship's `track`, x and y (m) after each step
+    (`ship_trl.formats`).
     """
 
     start: list[float]
@@ -113,12 +167,14 @@ class Case:
     ideal_path: str
     target_ships: list[TargetShip]
     name: str = ""
+    scale: Scale | None = field(default=None, compare=False)
+    track: tuple[tuple[float, float], ...] = field(default=(), compare=False)
 
     @property
     def fingerprint(self) -> str:
-        """Return a digest of the case, without its name: twelve hex digits."""
+        """Return a digest of what happens in the case, without its name: twelve hex digits."""
         values = asdict(self)
-        del values["name"]
+        del values["name"], values["scale"], values["track"]
         # Left out at the default, so that older cases keep their fingerprints.
         for ship in values["target_ships"]:
             if (behaviour := ship.pop("behaviour")) is not Behaviour.holds:
@@ -201,7 +257,7 @@ class Suite:
 
 def behaviour_of(number: float) -> Behaviour:
     """Return the behaviour of a ship with this number in a state; one that is giving way gives way."""
-    begins_as = GIVES_WAY if number == GIVING_WAY else number
+    begins_as = GIVES_WAY if number == GIVING_WAY else HOLDS_COURSE if number >= FIRST_RECORDED else number
     return next(word for word, begin in BEHAVIOURS.items() if begin == begins_as)
 
 
@@ -380,9 +436,8 @@ def load_suite(
     if not is_suite(name):
         if find_case(name) is None:
             known = f"{list_names(conf_files('case'))}, suite {', '.join(sorted(conf_files('suite')))}"
-            raise ConfigError(
-                f"{key}: no case or suite {name}; allowed: {known}, or a path to a case's YAML file"
-            )
+            paths = "or a path: of a case's YAML file, or of encounters of another tool"
+            raise ConfigError(f"{key}: no case or suite {name}; allowed: {known}, {paths}")
         return suite_of(load_case(name, world, key), perturbation)
     path = conf_files("suite")[name]
     values = read_suite(path)

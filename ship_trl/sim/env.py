@@ -16,6 +16,7 @@ from torchrl.envs import EnvBase
 from ship_trl.config.types import Margin, Network, World
 from ship_trl.sim.cases import Case, Suite, suite_of
 from ship_trl.sim.render import Drawing, Rasteriser
+from ship_trl.sim.replay import with_replay
 from ship_trl.sim.starts import draw_scenes, make_starts
 from ship_trl.sim.transition import Step, Transition
 from ship_trl.sim.vector import VectorObservation
@@ -101,7 +102,8 @@ class ShipEnv(EnvBase):
         if generator is None:
             self.generator.seed()
         self._starts, self._given = make_starts(self.suite, world, engine.scenes), starts
-        self._simulate = engine.step(Transition(world, self.device))
+        step = engine.step(Transition(world, self.device))
+        self._simulate = with_replay(step, self.suite, world, self.device)
         self._draws = partial(Rasteriser, world, device=self.device, drawing=engine.drawing)
         self.rasteriser = self._draws(colour=colour, vector_time=vector_time)
         self.from_pixels, self.margin = from_pixels, margin or Margin()

@@ -14,7 +14,7 @@ import torch
 from torch import Tensor
 
 from ship_trl.config.types import World
-from ship_trl.sim.cases import BEHAVIOURS, Case, Suite, TargetShip, behaviour_of
+from ship_trl.sim.cases import Case, Suite, TargetShip, behaviour_of
 from ship_trl.sim.geometry import angle_off_bow
 
 X, Y, HEADING, SPEED, YAW_RATE, GOAL_X, GOAL_Y, STEP, SHIP_COUNT = range(9)
@@ -52,7 +52,7 @@ def initial_state(case: Case, world: World, places: int | None = None) -> Tensor
     ships = [
         number
         for ship in case.target_ships
-        for number in (ship.x, ship.y, math.radians(ship.heading), ship.speed, BEHAVIOURS[ship.behaviour])
+        for number in (ship.x, ship.y, math.radians(ship.heading), ship.speed, ship.behaviour_number)
     ]
     count = len(case.target_ships)
     speed = world.actions[world.straight_action][0]

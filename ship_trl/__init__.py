@@ -28,7 +28,8 @@ def make_env(
         ConfigError: there is no such case.
     """
     from ship_trl.fast import worlds
-    from ship_trl.sim.cases import load_suite, load_world
+    from ship_trl.formats.suites import load_suite
+    from ship_trl.sim.cases import load_world
 
     world = world or load_world()
     begun = load_suite(suite, world, "case") if isinstance(suite, str) else suite

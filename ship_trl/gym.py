@@ -34,8 +34,9 @@ from ship_trl.config.types import Observation
 from ship_trl.fast.draw import CompiledDrawing
 from ship_trl.fast.step import CompiledStep
 from ship_trl.fast.worlds import make_starts
+from ship_trl.formats.suites import load_suite
 from ship_trl.sim import scene
-from ship_trl.sim.cases import load_suite, load_world
+from ship_trl.sim.cases import load_world
 from ship_trl.sim.render import Rasteriser
 from ship_trl.sim.transition import Transition
 from ship_trl.sim.vector import VectorObservation

@@ -18,13 +18,13 @@ from ship_trl.cli.parser import add_output, add_target, make_parser
 from ship_trl.config.errors import command, override, require
 from ship_trl.config.paths import conf_files
 from ship_trl.config.types import World
+from ship_trl.formats.suites import load_suite
 from ship_trl.policies.pretrained import networks
 from ship_trl.run.console import show
 from ship_trl.sim.cases import (
     Case,
     Suite,
     is_suite,
-    load_suite,
     load_world,
     read_values,
     readable_cases,
@@ -106,7 +106,14 @@ def draw(path: Path, cases: dict[str, Case], traffic: Suite | None, world: World
     else:
         places = max(len(case.target_ships) for case in cases.values())
         states = torch.stack([initial_state(case, world, places) for case in cases.values()])
-        write_case_page(path, list(cases), states, world)
+        names = ["\n".join((name, *split_scale(case, world))) for name, case in cases.items()]
+        write_case_page(path, names, states, world)
+
+
+def split_scale(case: Case, world: World) -> list[str]:
+    """Return the scale of a case of another tool in two short lines, none for others."""
+    words = [] if case.scale is None else case.scale.describe(world).split(", ")
+    return [", ".join(line) for line in (words[:2], words[2:]) if line]
 
 
 def show_cases(cases: dict[str, Case]) -> None:

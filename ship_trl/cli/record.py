@@ -3,6 +3,7 @@
 POLICY is the same as for `watch`; of a result folder, the best network is taken. FILE ends with .gif or
 .mp4; any other name is a folder for PNG frames. Several policies, and the cases of a suite, are shown one
 after the other, or two policies side by side with --compare. --trajectories draws all of them in one chart.
+--situation and --ais write one episode for other tools.
 """
 
 from __future__ import annotations
@@ -38,6 +39,10 @@ def main(arguments: list[str] | None = None) -> None:
     add_policies(parser, DEFAULT_WORDS, "of the first random encounter, and of policies that draw")
     add_output(parser, "--output", (".gif", ".mp4", ""), "film: .gif, .mp4, or a folder of PNG")
     add_output(parser, "--trajectories", (".png",), "chart of all paths")
+    add_output(
+        parser, "--situation", (".json",), "the episode as a traffic situation (maritime schema 0.2.0)"
+    )
+    add_output(parser, "--ais", (".csv",), "the episode as AIS positions (MarineCadastre's header of 2025)")
     parser.add_argument("--compare", action="store_true", help="two policies side by side")
     parser.add_argument(
         "--maps", action="store_true", help="the maps of all episodes at once, in large letters"
@@ -49,8 +54,10 @@ def main(arguments: list[str] | None = None) -> None:
     options = parser.parse_intermixed_args(arguments)
     with refusals():
         is_mp4 = options.output is not None and options.output.suffix == ".mp4"
-        if options.output is None and options.trajectories is None:
-            raise ConfigError("--output: none given (.gif, .mp4 or a folder), nor --trajectories")
+        exports = [path for path in (options.situation, options.ais) if path is not None]
+        if options.output is None and options.trajectories is None and not exports:
+            others = "--trajectories, --situation, --ais"
+            raise ConfigError(f"--output: none given (.gif, .mp4 or a folder), nor {others}")
         if is_mp4:
             check_mp4(options.size)
         named = drop_last_networks(find_entries(options.words, options.colour))
@@ -58,6 +65,10 @@ def main(arguments: list[str] | None = None) -> None:
         cases = {entry.suite.case.fingerprint: entry.suite.case.name for entry in entries}
         if options.trajectories is not None and len(cases) > 1:
             raise ConfigError(f"--trajectories: one case, got {', '.join(cases.values())}; give target=CASE")
+        if exports and len(entries) > 1:
+            raise ConfigError(
+                f"--situation, --ais: one episode, got {len(entries)}; give one policy and target=CASE"
+            )
 
         from ship_trl.run.process import configure_process
 
@@ -67,6 +78,8 @@ def main(arguments: list[str] | None = None) -> None:
             record_film(entries, options)
         if options.trajectories is not None:
             record_chart(entries, options)
+        if exports:
+            write_episode(entries[0], options)
 
 
 def check_mp4(size: tuple[int, int]) -> None:
@@ -124,3 +137,22 @@ def record_chart(entries: list[Entry], options: Namespace) -> None:
         groups.setdefault(entry.label.split(" seed ")[0], []).append(episodes[0])
     draw_trajectories(options.trajectories, entries[0].suite.case, entries[0].world, groups)
     sys.stdout.write(f"{options.trajectories}\n")
+
+
+def write_episode(entry: Entry, options: Namespace) -> None:
+    """Write the first episode of an entry in the forms of other tools, at the scale of the sea."""
+    from ship_trl.files.disk import atomic_write
+    from ship_trl.formats.maritime_schema import write_situation
+    from ship_trl.formats.write import situation_of, write_ais
+    from ship_trl.policies.named import rollout_entry
+    from ship_trl.sim.state import first_case
+
+    _, _, (episode, *_) = rollout_entry(entry, 1, options.seed)
+    case = first_case(entry.suite, episode.states[0])
+    situation = situation_of(case, episode.states, entry.world)
+    for path, write in ((options.situation, write_situation), (options.ais, write_ais)):
+        if path is not None:
+            path.parent.mkdir(parents=True, exist_ok=True)
+            with atomic_write(path) as draft:
+                draft.write_text(write(situation))
+            sys.stdout.write(f"{path}\n")

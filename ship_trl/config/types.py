@@ -110,6 +110,11 @@ class World:
         return min(range(len(self.actions)), key=lambda k: (abs(self.actions[k][1]), -self.actions[k][0]))
 
 
+# Which ship of an encounter in AIS traffic is own ship.
+OwnShip = StrEnum("OwnShip", ["gives_way", "stands_on", "both"])
+Targets = StrEnum("Targets", ["straight", "replay"])
+
+
 @dataclass(frozen=True)
 class Perturbation:
     """Bounds of uniform random changes of a case's start, to either side.
@@ -127,6 +132,21 @@ class Perturbation:
     def is_none(self) -> bool:
         """Whether nothing is changed."""
         return self == Perturbation()
+
+
+@dataclass(frozen=True)
+class Situations:
+    """How encounters of other tools become cases (ship_trl.formats).
+
+    `safe` is the real distance (nautical miles) that the world's safe distance stands for. Of AIS traffic,
+    `own` says which ship of an encounter is own ship, `ships` how many target ships are kept at most, and
+    `targets` whether they keep the course of their start or replay their tracks.
+    """
+
+    safe: Annotated[float, Field(gt=0, le=10)] = 0.3
+    own: OwnShip = OwnShip.gives_way
+    targets: Targets = Targets.straight
+    ships: Annotated[int, Field(ge=1, le=8)] = 3
 
 
 @dataclass(frozen=True)
@@ -290,6 +310,7 @@ class Config:
     observation: Observation = Observation.pixels
     margin: Margin = field(default_factory=Margin)
     transfer: Transfer = field(default_factory=Transfer)
+    situations: Situations = Situations()
 
     @property
     def arm(self) -> Arm:

@@ -22,6 +22,7 @@ from ship_trl.config.imports import import_function, name_in_errors
 from ship_trl.fast.worlds import draw_starts, make_env
 from ship_trl.learn.network import DuelingNetwork, make_network
 from ship_trl.learn.rollout import Episode, Policy, greedy_policy, rollout
+from ship_trl.policies import recorded
 from ship_trl.policies.pretrained import find
 from ship_trl.policies.registry import EPISODES, POLICIES, Entry, Kind, kind_of
 from ship_trl.sim.env import ShipEnv
@@ -170,6 +171,9 @@ def rollout_entry(
         ConfigError: there is no such policy, or its file is invalid.
     """
     suite = entry.suite
+    if entry.policy == recorded.NAME:
+        env = make_env(suite, entry.world, max(1, len(suite.cases)))
+        return env, recorded.follow_track(env), recorded.rollout_recorded(suite, entry.world)
     default = EPISODES if suite.is_drawn else 1
     count = suite.whole_rounds((entry.draws and episodes) or default)
     env, policy = make_policy(entry, draw_starts(suite, entry.world, count, seed), seed)

@@ -18,13 +18,14 @@ from yaml import YAMLError
 
 from ship_trl.config.errors import ConfigError, print_error
 from ship_trl.config.schema import read_as
-from ship_trl.config.types import Perturbation, World
+from ship_trl.config.types import Perturbation, Situations, World
 from ship_trl.files.record import RESULT
+from ship_trl.formats.suites import load_suite
 from ship_trl.policies.pretrained import PRETRAINED, Pretrained, find, is_pretrained, networks
 from ship_trl.policies.registry import Entry, kind_of
 from ship_trl.run.plan import read_settings
 from ship_trl.run.results import collect, locate
-from ship_trl.sim.cases import Suite, load_suite, load_world
+from ship_trl.sim.cases import Suite, load_world
 from ship_trl.transfer.casebase import POLICY, POLICY_LAST
 
 
@@ -36,22 +37,26 @@ def find_entries(words: list[str], colour: bool) -> list[Entry]:
     """
     # A path may contain an equals sign, for example seed=0.
     names = [w for w in words if not re.match(r"[\w.]+=", w) or Path(w.rpartition(":")[0] or w).exists()]
-    given: dict[str, list[str]] = {"target": [], "perturbation": [], "world": []}
+    given: dict[str, list[str]] = {"target": [], "perturbation": [], "world": [], "situations": []}
     for word in (word for word in words if word not in names):
         group, found, rest = word.partition("=" if word.startswith("target=") else ".")
         if group not in given or not found or (group == "target") != (found == "="):
             key = word.partition("=")[0]
-            raise ConfigError(f"{key}: unknown key; allowed here: target, perturbation.KEY, world.KEY")
+            raise ConfigError(
+                f"{key}: unknown key; allowed here: target, perturbation.KEY, world.KEY, situations.KEY"
+            )
         given[group].append(rest)
     if len(given["target"]) > 1:
         raise ConfigError("target: given twice; allowed: target=CASE once, with commas between several cases")
     bounds = dict(word.split("=", 1) for word in given["perturbation"])
     perturbation = read_as(Perturbation, bounds, key="perturbation")
+    situations = dict(word.split("=", 1) for word in given["situations"])
+    reading = read_as(Situations, situations, key="situations")
     if not names:
         raise ConfigError("policy: none given; see --help for what is allowed")
     world = read_world(given["world"])
     suites = [name for value in given["target"] for name in value.split(",") if name]
-    targets = [load_suite(name, world, "target", perturbation) for name in suites]
+    targets = [load_suite(name, world, "target", perturbation, reading) for name in suites]
     folders = [name for name in names if not is_pretrained(name) and Path(name).is_dir()]
     trained = {name: folder_entries(Path(name), targets, perturbation) for name in folders}
     if trained and given["world"]:

@@ -30,10 +30,11 @@ from ship_trl.files.curve import RunError
 from ship_trl.files.disk import atomic_write, remove
 from ship_trl.files.record import RESULT, RunRecord, read_run
 from ship_trl.files.untrusted import read_yaml
+from ship_trl.formats.suites import load_suite
 from ship_trl.learn.settings import TEACHERS
 from ship_trl.policies.demonstrations import Demonstration, read_demonstrations
 from ship_trl.policies.pretrained import PRETRAINED, REWARD_SCALE, Pretrained, find, is_pretrained, networks
-from ship_trl.sim.cases import Suite, describe, load_case, load_suite, read_values
+from ship_trl.sim.cases import Suite, describe, load_case, read_values
 from ship_trl.transfer.casebase import CONFIG, LOCKS, POLICY, POLICY_LAST, rank
 
 # Increase it with every change after which the same settings learn something else, so that results of an
@@ -125,11 +126,11 @@ def make_run(config: Config) -> Run:
         ConfigError: a case is missing or invalid, or the folder cannot be written, or holds another run.
     """
     world = config.world
-    target = load_suite(str(config.target), world, "target", config.perturbation)
+    target = load_suite(str(config.target), world, "target", config.perturbation, config.situations)
     config = resolve_pretrained(config, target)
     source, pretrained, source_suite = None, None, None
     if not config.arm.is_scratch:
-        origin = load_suite(str(config.source), world, "source")
+        origin = load_suite(str(config.source), world, "source", reading=config.situations)
         if config.arm.weights in LEARNED and not origin.is_drawn:
             source_suite = origin
         if config.arm.weights is SourceWeights.pretrained:

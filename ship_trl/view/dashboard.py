@@ -325,7 +325,7 @@ def _make_graphs(size: Size, views: Views) -> list[Graph]:
 
 
 def _draw_header(surface: pygame.Surface, views: Views, status: str, unit: float) -> None:
-    """Write case, title and ideal path at the left, and the status at the right."""
+    """Write case, title, and ideal path or scale at sea at the left, and the status at the right."""
     case, middle, size, small = views[0].case, 24 * unit, round(19 * unit), round(15 * unit)
     right = surface.get_width() - 14 * unit
     pen.write(surface, status, (right, middle), CHOSEN, small, True, across=1)
@@ -334,8 +334,11 @@ def _draw_header(surface: pygame.Surface, views: Views, status: str, unit: float
     if len(views) == 1:
         title = pen.cut(views[0].title, 0.7 * (edge - x), size, True)
         x = pen.write(surface, title, (x, middle), CHOSEN, size, True) + 16 * unit
-    path = pen.cut(f"ideal path: {case.ideal_path}", edge - x, round(14 * unit))
-    pen.write(surface, path, (x, middle), FAINT, round(14 * unit))
+    about = f"ideal path: {case.ideal_path}"
+    if case.scale is not None:
+        about = f"at sea: {case.scale.describe(views[0].telemetry.world)}"
+    about = pen.cut(about, edge - x, round(14 * unit))
+    pen.write(surface, about, (x, middle), FAINT, round(14 * unit))
 
 
 def _draw_help(surface: pygame.Surface, lines: Sequence[tuple[str, str]], unit: float) -> None:

@@ -69,7 +69,7 @@ def class_captions(state: Tensor) -> list[Line]:
 
 
 def write_case_page(path: Path, names: Sequence[str], states: Tensor, world: World) -> None:
-    """Write a PNG with a picture, a name and the encounter classes of each state [N, S].
+    """Write a PNG with a picture, a name (lines) and the encounter classes of each state [N, S].
 
     All pictures have one scale, and the middle of the way from start to goal in the middle; few are larger.
     """
@@ -77,7 +77,7 @@ def write_case_page(path: Path, names: Sequence[str], states: Tensor, world: Wor
     columns = min(STARTS, len(names))
     side = min(MAX_START_SIDE, (STARTS_WIDTH + GAP) // columns - GAP)
     cells = [
-        (draw_start(state, world, side, width), [(name, 16, TEXT), *class_captions(state)])
+        (draw_start(state, world, side, width), [*_captions(name), *class_captions(state)])
         for name, state in zip(names, states, strict=True)
     ]
     (expected, safe), hull = circle_names(world), hull_length(world, side / width)
@@ -87,6 +87,12 @@ def write_case_page(path: Path, names: Sequence[str], states: Tensor, world: Wor
         f"lines: {AHEAD:g} s ahead, in the colour of the class; classes by Pedersen's sectors",
     )
     _write_page(path, cells, columns, footer)
+
+
+def _captions(name: str) -> list[tuple[str, int, Colour]]:
+    """Return a name's first line in large letters, and the others in small ones."""
+    first, *others = name.splitlines()
+    return [(first, 16, TEXT), *((line, 12, FAINT) for line in others)]
 
 
 def write_episode_page(

@@ -1,0 +1,1 @@
+"""Encounters of other tools: their files in, and episodes out. No torch."""

@@ -17,7 +17,7 @@ from math import sqrt
 from typing import NamedTuple
 
 import numpy as np
-from scipy import optimize, stats
+from scipy import optimize, special, stats
 
 from ship_trl.study.compare import MIN_SEEDS
 from ship_trl.study.statistics import LEVEL, Estimate, degrees_of_freedom
@@ -336,7 +336,7 @@ def min_detectable_effect(seeds: int, level: float = LEVEL / 2, power: float = 0
     critical = stats.t.isf(level, freedom)
 
     def missing_power(effect: float) -> float:
-        return float(np.mean(stats.norm.sf(critical * chi - effect)) - power)
+        return float(np.mean(special.ndtr(effect - critical * chi)) - power)
 
     return float(optimize.brentq(missing_power, 0.0, 1e9))
 

@@ -14,7 +14,7 @@ from ship_trl.config.network import describe_network, load_network
 from ship_trl.learn.network import DuelingNetwork, make_network
 from ship_trl.policies import onnx as export
 from ship_trl.transfer.weights import save_weights
-from tests.command import refused, ship_trl
+from tests.command import refused
 from tests.learn.networks import network
 
 
@@ -31,9 +31,12 @@ def values(path: Path, observed: Tensor, key: str = "pixels") -> Tensor:
     return torch.from_numpy(session.run(["action_value"], {key: observed.numpy()})[0])
 
 
-def test_the_command_exports_and_checks_on_an_episode(tmp_path: Path) -> None:
+def test_the_command_exports_and_checks_on_an_episode(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
     made = saved(tmp_path / "policy.safetensors")
-    said = ship_trl("policy.safetensors", "q.onnx", "target=4", folder=tmp_path, verb="export").stdout
+    main(["policy.safetensors", "q.onnx", "target=4"])
+    said = capsys.readouterr().out
     assert "q.onnx: case 4, policy.safetensors; pixels uint8 [batch, 1, 84, 84] -> action_value" in said
     assert "checked in onnxruntime on an episode of " in said and "the same actions" in said
     for batch in (1, 5):
@@ -49,9 +52,15 @@ def test_the_command_exports_and_checks_on_an_episode(tmp_path: Path) -> None:
     assert {path.name for path in tmp_path.iterdir()} == {"policy.safetensors", "q.onnx"}
 
 
-def test_a_network_of_numbers_is_exported(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def saved_numbers(path: Path) -> DuelingNetwork:
+    """A network of numbers that has learned nothing, as a file."""
     made = make_network(load_network("vector"), 7, Generator().manual_seed(0))
-    save_weights(tmp_path / "vector.safetensors", made, {})
+    save_weights(path, made, {})
+    return made
+
+
+def test_a_network_of_numbers_is_exported(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    made = saved_numbers(tmp_path / "vector.safetensors")
     main(["vector.safetensors", "vector.onnx", "target=4"])
     said = capsys.readouterr().out
     assert "vector float32 [batch, 35] -> action_value float32 [batch, 7]" in said and "the same act" in said
@@ -62,7 +71,7 @@ def test_a_network_of_numbers_is_exported(tmp_path: Path, capsys: pytest.Capture
 def test_a_model_that_does_not_pass_is_not_written(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    saved(tmp_path / "policy.safetensors")
+    saved_numbers(tmp_path / "policy.safetensors")
     (tmp_path / "q.onnx").write_text("mine")
     onnx_policy = export.onnx_policy
 

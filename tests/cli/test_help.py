@@ -2,7 +2,6 @@
 
 import subprocess
 import sys
-from pathlib import Path
 
 import pytest
 
@@ -10,19 +9,49 @@ from ship_trl.cli.help import VERBS
 from tests.command import environment
 
 HEAVY = {"torch", "pygame", "wandb", "matplotlib.pyplot", "pandas"}
+# A command of each line in one process; what it has imported follows what it prints.
+PROGRAM = """
+import contextlib, sys
+from ship_trl.__main__ import main
+for line in sys.stdin:
+    sys.argv = ["ship_trl", *line.split()]
+    with contextlib.suppress(SystemExit):
+        main()
+    print("imported", *sys.modules, end="\\0")
+"""
 
 
-@pytest.mark.parametrize("verb", ["", *VERBS])
-def test_help_imports_nothing_heavy(verb: str, tmp_path: Path) -> None:
-    words = [verb] if verb else []
-    line = [sys.executable, "-X", "importtime", "-m", "ship_trl", *words, "--help"]
-    done = subprocess.run(line, capture_output=True, text=True, cwd=tmp_path, env=environment(), check=True)
-    assert f"python -m ship_trl {verb}" in done.stdout
-    imported = {line.rpartition("|")[2].strip() for line in done.stderr.splitlines()}
-    assert not imported & (HEAVY if verb else HEAVY | {"hydra", "omegaconf"}) and not list(tmp_path.iterdir())
-    if not verb:
-        told = {line.split()[0] for line in done.stdout.partition("Verbs: ")[2].splitlines()[1:]}
-        assert told == set(VERBS)
-        # Listed as their files stand in a folder.
-        assert "scratch, feature_extraction, finetune, " in done.stdout
-        assert "csv, tensorboard, wandb, " in done.stdout
+@pytest.fixture(scope="module")
+def answers(tmp_path_factory: pytest.TempPathFactory) -> dict[str, tuple[str, set[str]]]:
+    """What `--help` of each verb, and of none at first, prints and has imported."""
+    folder, verbs = tmp_path_factory.mktemp("help"), ["", *VERBS]
+    done = subprocess.run(
+        [sys.executable, "-c", PROGRAM],
+        input="".join(f"{verb} --help\n" for verb in verbs),
+        capture_output=True,
+        text=True,
+        cwd=folder,
+        env=environment(),
+        check=True,
+    )
+    assert not list(folder.iterdir())
+    parts = [text.rpartition("imported ") for text in done.stdout.split("\0")[:-1]]
+    return {verb: (said, set(names.split())) for verb, (said, _, names) in zip(verbs, parts, strict=True)}
+
+
+@pytest.mark.parametrize("verb", VERBS)
+def test_help_imports_nothing_heavy(verb: str, answers: dict[str, tuple[str, set[str]]]) -> None:
+    said, imported = answers[verb]
+    assert f"python -m ship_trl {verb}" in said and not imported & HEAVY
+
+
+def test_the_help_of_the_command_names_all_and_imports_next_to_nothing(
+    answers: dict[str, tuple[str, set[str]]],
+) -> None:
+    said, imported = answers[""]
+    assert not imported & (HEAVY | {"hydra", "omegaconf"})
+    told = {line.split()[0] for line in said.partition("Verbs: ")[2].splitlines()[1:]}
+    assert told == set(VERBS)
+    # Listed as their files stand in a folder.
+    assert "scratch, feature_extraction, finetune, " in said
+    assert "csv, tensorboard, wandb, " in said

@@ -33,7 +33,7 @@ def states(name: str, count: int, seed: int) -> torch.Tensor:
 @pytest.mark.parametrize("colour", [False, True])
 @pytest.mark.parametrize("name", NAMES)
 def test_a_picture_is_the_reference_picture(name: str, colour: bool) -> None:
-    draw, state = DRAW[colour], states(name, 2000, 2)
+    draw, state = DRAW[colour], states(name, 600, 2)
     difference = compiled_difference(draw, state)
     assert difference.max() <= 1 and (difference > 0).float().mean() < 1e-5
     # A difference of one is rounding; a shape left out would be far more.
@@ -44,8 +44,8 @@ def test_a_picture_is_the_reference_picture(name: str, colour: bool) -> None:
 @pytest.mark.parametrize("vector_time", [5.0, 20.0, 300.0])
 def test_speed_vectors_are_those_of_the_reference(vector_time: float, colour: bool) -> None:
     draw = make_rasteriser(WORLD, colour=colour, vector_time=vector_time)
-    state = states("6", 1000, 4)
-    state[:, SPEED] = torch.linspace(-5.0, 20.0, 1000)
+    state = states("6", 400, 4)
+    state[:, SPEED] = torch.linspace(-5.0, 20.0, 400)
     difference = compiled_difference(draw, state)
     assert difference.max() <= 1 and (difference > 0).float().mean() < 1e-4
     # No picture leaves a trace in the next one.

@@ -62,10 +62,8 @@ def test_a_rollout_of_many_is_a_rollout_of_each() -> None:
 
 
 # The networks `paper` and `five` use the incremental backend, `odd` the dense one.
-@pytest.mark.parametrize(
-    ("name", "copied"), [*(("paper", n) for n in range(5)), ("five", 3), ("five", 5), ("odd", 1), ("odd", 3)]
-)
-@pytest.mark.parametrize("at_once", [1, 3, 10])
+@pytest.mark.parametrize(("name", "copied"), [*(("paper", n) for n in (0, 3, 4)), ("five", 5), ("odd", 1)])
+@pytest.mark.parametrize("at_once", [3, 10])
 def test_jumpstart_returns_equal_single_rollouts(name: str, copied: int, at_once: int) -> None:
     layers = (NETWORKS | ODD)[name]
     network, alone = (DuelingNetwork(1, 3, Generator().manual_seed(1), layers) for _ in range(2))

@@ -9,7 +9,7 @@ from torch import Generator, Tensor
 from torchrl.data import Binary, Categorical, Composite, Unbounded
 from torchrl.envs import EnvBase
 
-from ship_trl.config.types import BackendName, Learn, Loss, Precision
+from ship_trl.config.types import BackendName, Learn, Loss, Network, Precision
 from ship_trl.fast.worlds import accelerator
 from ship_trl.learn.algorithm import Setup
 from ship_trl.learn.hooks import LearningHooks
@@ -80,12 +80,14 @@ class Bars:
 
 
 draw = Bars()
+# The paper's layers with a quarter of the filters.
+FEW = Network([[8, 8, 4], [16, 4, 2], [16, 3, 1], [50, 7, 1]], 50)
 
 
 def corridor_setup(seed: int, learn: Learn, **others: Any) -> Setup:
     """Return the parts of an algorithm in a corridor; each seed has its own random streams."""
     weights, exploration, replay = (Generator().manual_seed(seed * 10 + k) for k in range(3))
-    return fast_setup(DuelingNetwork(1, 3, weights), draw, 3, learn, exploration, replay, **others)
+    return fast_setup(DuelingNetwork(1, 3, weights, FEW), draw, 3, learn, exploration, replay, **others)
 
 
 def schedule(**changes: Any) -> Learn:

@@ -22,7 +22,6 @@ from ship_trl.config.types import Config
 from ship_trl.fast.worlds import make_env
 from ship_trl.files.curve import CURVE
 from ship_trl.files.record import read_run
-from ship_trl.grid.compose import compose_config
 from ship_trl.learn.algorithm import Teacher
 from ship_trl.learn.double_dqn import build
 from ship_trl.learn.network import DuelingNetwork, make_network
@@ -57,7 +56,7 @@ def test_every_step_of_a_demonstration_is_stored_once(tmp_path: Path) -> None:
     for _ in range(2):
         write_demonstration(tmp_path, case, world, plan.actions, (plan.episode_return, "goal"), "planner")
     words = ["target=4", "method=scratch", f"demonstrations={tmp_path}"]
-    run = make_run(compose_config(*words))
+    run = make_run(composed(*words))
     env, replay = make_env(case, world, 3), Generator().manual_seed(0)
     network = DuelingNetwork(1, 7, Generator().manual_seed(0))
     parts = fast_setup(network, env.rasteriser, 7, run.config.learn, Generator(), replay)
@@ -79,7 +78,7 @@ def read(arm: str, folder: Path, world: Sequence[str] = (ACTIONS,)) -> Source | 
     """Read a source of seven actions, for a world of three by default."""
     file = next(one.file for one in networks() if one.name == "1")
     words = ("source=1", "target=2", f"+arm={arm}", f"source_file={file}", f"output={folder}", *world)
-    return read_source(make_run(compose_config(*words)))
+    return read_source(make_run(composed(*words)))
 
 
 @pytest.mark.parametrize("arm", ["FE3", "FT1", "FTB", "SP3", "GU3"])

@@ -29,7 +29,9 @@ LINE = (
     *("profile=smoke", "learn.episodes=9", "learn.replay_size=150", "learn.jumpstart_draws=1"),
     *("learn.batch_size=8", "checkpoint.every=0", "checkpoint.seconds=0"),
 )
-SCRATCH = ("target=4", "method=scratch")
+# The paper's layers with few filters, for checkpoints of a megabyte in place of fourteen.
+SMALL = ("network.conv=[[8,8,4],[8,4,2],[8,3,1],[20,7,1]]", "network.hidden=20")
+SCRATCH = ("target=4", "method=scratch", *SMALL)
 
 
 @pytest.fixture
@@ -89,10 +91,10 @@ def train_and_kill(after: Callable[[int, Callable[[], Any]], None], folder: str,
 
 
 ARMS = {
-    "states": SCRATCH,
-    "features": ("+pair=high", "+arm=FE3"),
+    "states": ("target=4", "method=scratch"),
+    "features": ("+pair=high", "+arm=FE3", *SMALL),
     "perturbed suite": (
-        *("target=paper", "method=scratch", "learn.num_envs=3", "perturbation.own_position=40"),
+        *("target=paper", "method=scratch", *SMALL, "learn.num_envs=3", "perturbation.own_position=40"),
         "learn.evaluate_episodes=4",
     ),
     "a rollout": (
@@ -100,11 +102,11 @@ ARMS = {
         *("algorithm.minibatch_size=32", "algorithm.imitation_coeff=1"),
     ),
     "a pupil": (*SCRATCH, "algorithm=pupil", "algorithm.teacher=pretrained:4"),
-    "features of three ships": ("+pair=high", "+arm=FE3", "learn.num_envs=3"),
-    "a guide": ("+pair=high", "+arm=G3", "transfer.guide.period=1"),
-    "a fading policy": ("+pair=high", "+arm=QD3"),
+    "features of three ships": ("+pair=high", "+arm=FE3", *SMALL, "learn.num_envs=3"),
+    "a guide": ("+pair=high", "+arm=G3", *SMALL, "transfer.guide.period=1"),
+    "a fading policy": ("+pair=high", "+arm=QD3", *SMALL),
     "a sum": ("+pair=high", "+arm=QR", "observation=vector", "algorithm=n_step"),
-    "thawing layers": ("+pair=high", "+arm=GU3"),
+    "thawing layers": ("+pair=high", "+arm=GU3", *SMALL),
     "vectors": ("+pair=high", "+arm=FE2", "observation=vector", "learn.num_envs=3"),
 }
 

@@ -12,7 +12,7 @@ from torchrl.envs.utils import check_env_specs
 from ship_trl.config.errors import ConfigError
 from ship_trl.config.types import World
 from ship_trl.fast.worlds import make_env, make_starts
-from ship_trl.sim.cases import load_suite
+from ship_trl.sim.cases import load_suite, load_world
 from ship_trl.sim.encounter import Encounter, classify, relative_motion
 from ship_trl.sim.starts import TrafficStarts
 from ship_trl.sim.state import (
@@ -35,13 +35,18 @@ def scenes(world: World, seed: int = 0, count: int = COUNT, **changes: Any) -> T
     return TrafficStarts(replace(traffic, **changes), world).sample(count, Generator().manual_seed(seed))
 
 
+@pytest.fixture(scope="module")
+def many() -> Tensor:
+    return scenes(load_world())
+
+
 def classes(states: Tensor) -> Tensor:
     motion = relative_motion(states)
     return classify(motion.bearing, motion.aspect)
 
 
-def test_ships_would_pass_within_the_offset_if_all_kept_course(world: World) -> None:
-    states = scenes(world)
+def test_ships_would_pass_within_the_offset_if_all_kept_course(many: Tensor) -> None:
+    states = many
     motion, present = relative_motion(states), is_present(states)
     assert float(motion.dcpa[present].max()) <= 45.01
     # At the meeting point, a share of 0.3 to 0.9 of the 40 s to the goal.
@@ -52,8 +57,8 @@ def test_ships_would_pass_within_the_offset_if_all_kept_course(world: World) -> 
     assert not bool(target_ships(states)[~present].any())
 
 
-def test_the_shares_of_ships_and_classes_are_those_of_the_suite(world: World) -> None:
-    states = scenes(world)
+def test_the_shares_of_ships_and_classes_are_those_of_the_suite(many: Tensor) -> None:
+    states = many
     shares = torch.bincount(states[:, SHIP_COUNT].long(), minlength=4) / COUNT
     assert shares.tolist() == pytest.approx([0.1, 0.3, 0.3, 0.3], abs=0.04)
     found = classes(states)[is_present(states)]

@@ -19,16 +19,18 @@ settings.register_profile("steady", deadline=None, derandomize=True, max_example
 settings.load_profile("steady")
 
 
-# They take longest and begin first, or a worker would wait for another one at the end.
-LONGEST = (
-    *("cli/test_errors.py", "studies/paper/test_claims.py", "study/test_study.py", "run/test_training.py"),
-    *("test_faults.py", "benchmarks/test_peers.py", "sim/test_invariants.py", "run/test_setup.py"),
+# The first compiles all loops; those after it need none until another worker finds them in the cache.
+# The others take longest, or a worker would wait for another one at the end.
+FIRST = (
+    *("cli/test_errors.py", "studies/paper/test_claims.py", "study/report/test_write.py", "test_findings.py"),
+    *("study/test_study.py", "run/test_training.py", "test_faults.py", "explain/test_explain.py"),
+    *("test_examples.py", "run/test_setup.py", "run/test_beside_the_csv.py", "benchmarks/test_peers.py"),
 )
 
 
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
-    """Bring the longest files to the front, in their order."""
-    paths = [Path(__file__).parent / name for name in LONGEST]
+    """Bring some files to the front, in their order."""
+    paths = [Path(__file__).parent / name for name in FIRST]
     items.sort(key=lambda item: paths.index(item.path) if item.path in paths else len(paths))
 
 

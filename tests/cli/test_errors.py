@@ -83,8 +83,8 @@ def test_frozen_layers_are_the_source_s_bytes(
     monkeypatch.setenv(BFLOAT16, switch)
     base = next((trained / "outputs/smoke/case_base/1/scratch").iterdir()) / "policy.safetensors"
     copy = shutil.copy(base, trained / "source.safetensors")
-    ship_trl(*HIGH, "+arm=FE3", "source_file=source.safetensors", f"output={switch}", folder=trained)
-    run = trained / switch / "high/FE3/seed=0"
+    ship_trl(*HIGH, "+arm=FE3", "source_file=source.safetensors", f"output=bf16_{switch}", folder=trained)
+    run = trained / f"bf16_{switch}" / "high/FE3/seed=0"
     precision = json.loads((run / "result.json").read_text())["precision"]
     assert f"torch.{precision}" == str(choose_dtype(Precision.auto, torch.device("cpu")))
     last = run / "policy_last.safetensors"

@@ -28,7 +28,7 @@ ALGORITHMS = ("double_dqn", "n_step", "ppo", "pupil")
 
 # Words that choose files or need Hydra's grammar; others set a value.
 CHOICE = re.compile(
-    r"[+~]|\w*/|(arm|algorithm|network|observation|pair|profile|recipe|source|target|world)=|.*[$']"
+    r"[+~]|hydra\.|\w*/|(arm|algorithm|network|observation|pair|profile|recipe|source|target|world)=|.*[$']"
 )
 
 

@@ -35,7 +35,7 @@ def trained(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 @pytest.fixture(scope="module")
 def page(trained: Path) -> Path:
-    line = (str(RUN), str(SOURCE), "target=2", "--episodes", "40", "--output", "page")
+    line = (str(RUN), str(SOURCE), "target=2", "--episodes", "60", "--output", "page")
     done = ship_trl(*line, verb="explain", folder=trained)
     assert "probes 7 of 7" in done.stdout and "page/index.html" in done.stdout and done.stderr == ""
     return trained / "page"

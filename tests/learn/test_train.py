@@ -33,7 +33,7 @@ def test_it_learns() -> None:
 
 
 def test_every_episode_is_reported_once_and_in_order() -> None:
-    found, _ = events()
+    found, _ = events(5)
     episodes = [e for e in found if isinstance(e, Finished)]
     assert [e.episode for e in episodes] == list(range(1, 31))
     for e in episodes:

@@ -280,8 +280,9 @@ def _draw_ships(axes: Axes, longest: Telemetry) -> None:
         # On its own path, but not on another number.
         free = [place for place in inside if all(math.dist(place, other) > BADGE * width for other in taken)]
         if len(inside):
-            taken.append((free or inside)[0])
-            axes.text(*taken[-1], f"{k}", color="white", bbox=badge, zorder=7, **style)
+            x, y = place = (free or inside)[0]
+            taken.append(place)
+            axes.text(x, y, f"{k}", color="white", bbox=badge, zorder=7, **style)
 
 
 def _set_limits(axes: Axes, paths: Sequence[Telemetry]) -> None:

@@ -2,7 +2,7 @@
 
     import gymnasium
     name = "ship_trl.gym:ShipCollision-v0"
-    env = gymnasium.make(name, case="4")
+    env = gymnasium.make(name, case="traffic", config={"traffic": {"reacting": 0.5}, "world": {"dt": 0.5}})
     envs = gymnasium.make_vec(name, num_envs=64, vectorization_mode="vector_entry_point", case="4")
 
 Gymnasium imports the module before the colon, which registers the name. After `import ship_trl.gym` the name
@@ -12,7 +12,7 @@ alone is enough.
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from typing import Any
 
@@ -23,10 +23,11 @@ from gymnasium import spaces
 from gymnasium.error import ResetNeeded
 from gymnasium.vector import AutoresetMode
 from gymnasium.vector.utils import batch_space
+from gymnasium.wrappers import HumanRendering
 from numpy.typing import NDArray
 from torch import Generator
 
-from ship_trl.config.bounds import Seconds
+from ship_trl.config.bounds import Count, Seconds
 from ship_trl.config.errors import ConfigError
 from ship_trl.config.network import load_network
 from ship_trl.config.schema import read_as
@@ -34,9 +35,8 @@ from ship_trl.config.types import Observation
 from ship_trl.fast.draw import CompiledDrawing
 from ship_trl.fast.step import CompiledStep
 from ship_trl.fast.worlds import make_starts
-from ship_trl.formats.suites import load_suite
+from ship_trl.formats.suites import load_changed
 from ship_trl.sim import scene
-from ship_trl.sim.cases import load_world
 from ship_trl.sim.render import Rasteriser
 from ship_trl.sim.transition import Transition
 from ship_trl.sim.vector import VectorObservation
@@ -48,8 +48,6 @@ Observations = NDArray[Any]
 Flags = NDArray[np.bool_]
 Infos = dict[str, Any]
 LARGE_PICTURE = 600
-# Steps. States are float32, which holds whole numbers up to it.
-NO_LIMIT = 2**24
 
 
 class ShipCollisionVectorEnv(gymnasium.vector.VectorEnv[Observations, NDArray[np.int64], NDArray[Any]]):
@@ -73,17 +71,19 @@ class ShipCollisionVectorEnv(gymnasium.vector.VectorEnv[Observations, NDArray[np
 
     Args:
         num_envs: N.
-        case: name of a case or a suite, or the path of a case's YAML file.
+        case: name of a case or a suite, or the path of a case's YAML file. By default case 4: a ship that
+            keeps its course collides. "traffic" draws another encounter for every episode.
         colour: pixels have three channels instead of one.
         reward_scale: factor of the reward; raw rewards reach 200.
         observation: "pixels" or "vector".
         vector_time: time (s) whose way a ship's speed vector shows in the pixels; 0 draws none.
         render_mode: "rgb_array" for the large picture, or None.
-        max_episode_steps: where an episode is truncated, by default after the world's 60; -1 for no limit.
+        max_episode_steps: where an episode is truncated, if that is before `world.max_steps`.
         autoreset_mode: see above.
+        config: changes of conf/world and of a suite, see `ship_trl.formats.suites.load_changed`.
 
     Raises:
-        ConfigError: no such case, observation, render mode or mode, or a wrong limit or time.
+        ConfigError: no such case, observation, render mode or mode, or a wrong limit, time or key.
         ValueError: num_envs is less than 1.
     """
 
@@ -93,7 +93,7 @@ class ShipCollisionVectorEnv(gymnasium.vector.VectorEnv[Observations, NDArray[np
     def __init__(
         self,
         num_envs: int = 1,
-        case: str = "1",
+        case: str = "4",
         colour: bool = False,
         reward_scale: float = 1.0,
         observation: str = "pixels",
@@ -101,6 +101,7 @@ class ShipCollisionVectorEnv(gymnasium.vector.VectorEnv[Observations, NDArray[np
         render_mode: str | None = None,
         max_episode_steps: int | None = None,
         autoreset_mode: AutoresetMode | str = AutoresetMode.SAME_STEP,
+        config: Mapping[str, Any] | None = None,
     ) -> None:
         if num_envs < 1:
             raise ValueError(f"num_envs: must be at least 1, got {num_envs}")
@@ -111,14 +112,10 @@ class ShipCollisionVectorEnv(gymnasium.vector.VectorEnv[Observations, NDArray[np
         self.metadata = self.metadata | {"autoreset_mode": self.autoreset_mode}
         kind: Observation = read_as(Observation, observation, key="observation")
         ahead: float = read_as(Seconds, vector_time, key="vector_time")
-        self.world = load_world()
-        limit = self.world.max_steps if max_episode_steps is None else max_episode_steps
-        limit = NO_LIMIT if limit == -1 else limit
-        if not (isinstance(limit, int | np.integer) and 1 <= limit <= NO_LIMIT):
-            allowed = f"a whole number from 1 to {NO_LIMIT}, or -1 for no limit"
-            raise ConfigError(f"max_episode_steps: must be {allowed}, got {limit!r:.40}")
-        self.suite = load_suite(str(case), self.world, "case")
-        # The starts of random encounters must not depend on the limit.
+        self.suite, self.world = load_changed(str(case), config)
+        limit = self.world.max_steps
+        if max_episode_steps is not None and max_episode_steps != -1:  # Gymnasium's word for no limit
+            limit = min(limit, read_as(Count, max_episode_steps, key="max_episode_steps"))
         self._starts = make_starts(self.suite, self.world)
         # Compiled loops on arrays: through tensors the step of one ship takes five times as long.
         self._step = CompiledStep(Transition(replace(self.world, max_steps=limit)))
@@ -269,7 +266,7 @@ class ShipCollisionEnv(gymnasium.Env[Observations, np.int64]):
 
     metadata = ShipCollisionVectorEnv.metadata
 
-    def __init__(self, case: str = "1", **given: Any) -> None:
+    def __init__(self, case: str = "4", **given: Any) -> None:
         self._ships = ShipCollisionVectorEnv(1, case, autoreset_mode=AutoresetMode.DISABLED, **given)
         self.render_mode = self._ships.render_mode
         self.observation_space = self._ships.single_observation_space
@@ -304,17 +301,18 @@ class ShipCollisionEnv(gymnasium.Env[Observations, np.int64]):
         return pictures[0]
 
 
-class UnlimitedEnv(ShipCollisionEnv):
-    """`ShipCollisionEnv` for `gymnasium.make`, whose `TimeLimit` truncates episodes in its place."""
+def make_ship(render_mode: str | None = None, **given: Any) -> gymnasium.Env[Observations, np.int64]:
+    """Make `ShipCollisionEnv`, in a window for "human": `gymnasium.make` adds it too, but warns each time."""
+    is_shown = render_mode == "human"
+    env = ShipCollisionEnv(render_mode="rgb_array" if is_shown else render_mode, **given)
+    return HumanRendering(env) if is_shown else env
 
-    def __init__(self, **given: Any) -> None:
-        super().__init__(**given, max_episode_steps=-1)
 
-
+# Gymnasium reads it where a class has it.
+vars(make_ship)["metadata"] = ShipCollisionEnv.metadata | {"render_modes": ["human", "rgb_array"]}
 if ENV_ID not in gymnasium.registry:
     gymnasium.register(
         ENV_ID,
-        entry_point="ship_trl.gym:UnlimitedEnv",
+        entry_point="ship_trl.gym:make_ship",
         vector_entry_point="ship_trl.gym:ShipCollisionVectorEnv",
-        max_episode_steps=load_world().max_steps,
     )

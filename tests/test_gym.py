@@ -21,11 +21,13 @@ from stable_baselines3 import DQN
 from stable_baselines3.common.env_checker import check_env as check_sb3
 from torchrl.envs import GymWrapper
 
+from ship_trl import make_env
 from ship_trl.config.errors import ConfigError
 from ship_trl.config.network import load_network
 from ship_trl.fast.worlds import make_rasteriser
 from ship_trl.gym import ENV_ID, ShipCollisionEnv, ShipCollisionVectorEnv
-from ship_trl.sim.cases import load_world
+from ship_trl.sim.cases import GIVES_WAY, load_case, load_world
+from ship_trl.sim.state import HEADING, OWN_SIZE, SHIP_BEHAVIOUR, SHIP_COUNT
 from ship_trl.sim.vector import VectorObservation
 from tests.command import ROOT
 from tests.forked import run_script
@@ -206,8 +208,39 @@ def test_the_documents_line_needs_nothing_before_it(tmp_path: Path) -> None:
     [
         (ShipCollisionEnv, {"observation": "sound"}, "observation: must be 'pixels' or 'vector', got"),
         (ShipCollisionEnv, {"render_mode": "ansi"}, "render_mode: must be None or rgb_array, got 'ansi'"),
-        (ShipCollisionEnv, {"max_episode_steps": 0}, "max_episode_steps: must be a whole number from 1 to"),
-        (ShipCollisionEnv, {"max_episode_steps": [5]}, "max_episode_steps: must be a whole number from 1 to"),
+        (ShipCollisionEnv, {"max_episode_steps": 0}, "max_episode_steps: must be greater than or equal to 1"),
+        (ShipCollisionEnv, {"max_episode_steps": [5]}, r"max_episode_steps: must be .*, got \[5\]"),
+        (ShipCollisionEnv, {"config": 5}, "config: must be a group of world, traffic, perturbation, got 5"),
+        (
+            ShipCollisionEnv,
+            {"config": {"dt": 1}},
+            "config.dt: unknown key; allowed here: world, traff",
+        ),
+        (
+            ShipCollisionEnv,
+            {"config": {"world": {"dtt": 1}}},
+            "world.dtt: unknown key; allowed here: dt, m",
+        ),
+        (
+            ShipCollisionEnv,
+            {"config": {"world": {"reward": {"w1": "x"}}}},
+            "world.reward.w1: must be a ",
+        ),
+        (
+            ShipCollisionEnv,
+            {"config": {"world": {"dt": 0.5}}},
+            "goal: cannot be reached: 540 m to go, but",
+        ),
+        (
+            ShipCollisionVectorEnv,
+            {"config": {"traffic": {"reacting": 1}}},
+            "traffic: case 4 draws no ships; allowed: suite traffic, or another of random encounters",
+        ),
+        (
+            ShipCollisionVectorEnv,
+            {"case": "traffic", "config": {"traffic": {"reacting": 2}}},
+            "traffic.reacting: must be less than or equal to 1, got 2",
+        ),
         (ShipCollisionVectorEnv, {"num_envs": 0}, "num_envs: must be at least 1, got 0"),
         (ShipCollisionVectorEnv, {"case": "nowhere"}, "nowhere"),
         (
@@ -261,15 +294,47 @@ def test_wrong_seeds_and_masks_are_refused(given: dict[str, Any], message: str) 
         ShipCollisionVectorEnv(3, "paper").reset(**given)
 
 
-def test_the_limit_of_steps_is_the_one_that_is_given() -> None:
-    for limit, length in ((None, 60), (5, 5), (100, 100), (-1, None)):
-        options: dict[str, Any] = {} if limit is None else {"max_episode_steps": limit}
+def test_an_episode_is_truncated_by_the_world_or_sooner_by_gymnasium() -> None:
+    longer = {"world": {"max_steps": 100}}
+    cases: tuple[tuple[dict[str, Any], int], ...] = (
+        ({}, 60),
+        ({"max_episode_steps": 5}, 5),
+        ({"max_episode_steps": -1}, 60),
+        ({"max_episode_steps": 70}, 60),
+        ({"config": longer}, 100),
+        ({"config": longer, "max_episode_steps": 80}, 80),
+    )
+    for options, length in cases:
         for kind in ("vector_entry_point", "sync"):
             envs = gymnasium.make_vec(ENV_ID, 2, vectorization_mode=kind, case="2", **options)
             envs.reset()
             steps = (envs.step(np.array([0, 0])) for _ in range(120))
             ends = [n for n, (*_, truncated, _) in enumerate(steps, 1) if truncated[0]]
-            assert ends[:1] == ([] if length is None else [length]), (limit, kind)
+            assert ends[:1] == [length], (options, kind)
+
+
+def test_a_configuration_changes_world_and_traffic() -> None:
+    config = {"world": {"dt": 0.5, "max_steps": 120, "reward": {"goal": 500.0}}}
+    makers: tuple[Any, ...] = (gymnasium.make, gymnasium.make_vec)
+    for make in makers:
+        env = make(f"ship_trl.gym:{ENV_ID}", case="2", config=config)
+        assert env.spec.kwargs["config"] == config
+        env.reset()
+        action, rewards, ended = np.full(env.action_space.shape, 3), list[float](), False
+        while not ended:
+            _, reward, terminated, _, _ = env.step(action)
+            rewards.append(float(np.squeeze(reward)))
+            ended = bool(np.all(terminated))
+        # 540 m at 15 m/s, half a second each.
+        assert len(rewards) == 72 and rewards[-1] - rewards[-2] == pytest.approx(500, abs=1)
+    ships = {"traffic": {"ships": [0, 0, 0, 0, 1], "reacting": 1}}
+    state = ShipCollisionVectorEnv(2, "traffic", config=ships).reset(seed=1)[1]["state"]
+    assert (state[:, SHIP_COUNT] == 4).all() and (state[:, OWN_SIZE + SHIP_BEHAVIOUR] == GIVES_WAY).all()
+    assert make_env("traffic", num_envs=2, config=ships).reset()["state"].shape == state.shape
+    turned = ShipCollisionEnv("4", config={"perturbation": {"own_heading": 5}}).reset(seed=1)[1]["state"]
+    assert turned[HEADING] != ShipCollisionEnv().reset(seed=1)[1]["state"][HEADING]
+    with pytest.raises(ConfigError, match="config: must be left out without the name of a case or suite"):
+        make_env(load_case("4", load_world()), config={})
 
 
 def test_it_draws_a_large_picture_of_each_row() -> None:
@@ -286,11 +351,12 @@ def test_it_draws_a_large_picture_of_each_row() -> None:
 def test_all_checks_of_gymnasium_pass_in_every_render_mode(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setenv("SDL_VIDEODRIVER", "dummy")
     env = gymnasium.make(f"ship_trl.gym:{ENV_ID}", case="traffic")
-    assert env.spec is not None and env.spec.max_episode_steps == load_world().max_steps
     check_env(env.unwrapped)
+    # By default there are ships.
+    assert ShipCollisionEnv().reset()[1]["state"][SHIP_COUNT] == 2
 
 
-@pytest.mark.filterwarnings("ignore:.*HumanRendering wrapper")
+@pytest.mark.filterwarnings("error:.*HumanRendering")
 def test_a_window_shows_each_step(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setenv("SDL_VIDEODRIVER", "dummy")
     env, drawn = (gymnasium.make(ENV_ID, case="4", render_mode=mode) for mode in ("human", "rgb_array"))
@@ -299,6 +365,7 @@ def test_a_window_shows_each_step(monkeypatch: pytest.MonkeyPatch) -> None:
         assert np.array_equal(shown, wanted)
         window, picture = pygame.display.get_surface(), np.asarray(drawn.render())
         assert window is not None and np.array_equal(pygame.surfarray.array3d(window).swapaxes(0, 1), picture)
+    assert env.render() is None
     env.close()
     assert not pygame.display.get_init()
 

@@ -1,12 +1,13 @@
 """`python -m ship_trl evaluate POLICY... target=CASE|SUITE`: roll out policies, and list what they reach.
 
 POLICY is a name below, pretrained (the bundled network of the target; the default: those of all cases),
-pretrained:NAME, a safetensors file, a result folder (its best and its last network), or file.py:function of
-your own. Result folders and bundled networks have their own target, and the table shows the return that they
-claim. Other policies act in the world of the first result folder or,
-without one, in the paper's with world.KEY=VALUE. perturbation.own_position=50 (metres) and the like draw
-starts at random. Of several episodes the table has rates and, in metres, the mean least distance to a ship
-and its 5th percentile. --rules adds scores of the steering rules, --all every column.
+pretrained:NAME, a safetensors or ONNX file, a result folder (its best and its last network), file.py:function
+of your own, or trusted:FILE.zip, a model of Stable-Baselines3: loading it runs the pickles in it. Result
+folders and bundled networks have their own target, and the table shows the return that they claim. Other
+policies act in the world of the first result folder or, without one, in the paper's with world.KEY=VALUE.
+perturbation.own_position=50 (metres) and the like draw starts at random. Of several episodes the table has
+rates and, in metres, the mean least distance to a ship and its 5th percentile. --rules adds scores of the
+steering rules, --all every column.
 """
 
 from __future__ import annotations

@@ -37,7 +37,7 @@ def main(arguments: list[str] | None = None) -> None:
         if len(entries) > 1:
             raise ConfigError(f"policy: {options.policy} has several results or cases; allowed: one of each")
 
-        from ship_trl.policies.onnx import export
+        from ship_trl.policies.export import export
         from ship_trl.run.process import configure_process
 
         configure_process()

@@ -1,9 +1,10 @@
 """`python -m ship_trl watch POLICY... target=CASE|SUITE`: watch episodes of any policies in a window.
 
-POLICY is a name below, pretrained, a safetensors file, a result folder (its best and its last network), or
-file.py:function of your own. Result folders and pretrained networks
-have their own target. Of several cases, those in which the first policy misses the goal come first; C shows
-the next. Without a policy, the pretrained network of case 4 is shown. Press H in the window for the keys.
+POLICY is a name below, pretrained, a safetensors or ONNX file, a result folder (its best and its last
+network), file.py:function of your own, or trusted:FILE.zip of Stable-Baselines3. Result folders and
+pretrained networks have their own target. Of several cases, those in which the first policy misses the goal
+come first; C shows the next. Without a policy, the pretrained network of case 4 is shown. Press H in the
+window for the keys.
 """
 
 from __future__ import annotations

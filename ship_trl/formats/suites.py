@@ -11,7 +11,7 @@ import math
 import re
 from collections import Counter
 from collections.abc import Iterator
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import cache
 from pathlib import Path
 from typing import Any
@@ -21,7 +21,8 @@ from omegaconf import OmegaConf
 
 from ship_trl.config.errors import ConfigError, print_error
 from ship_trl.config.paths import stem
-from ship_trl.config.types import Perturbation, Situations, Targets, World
+from ship_trl.config.schema import read_as
+from ship_trl.config.types import Perturbation, Situations, Targets, Traffic, World, plain
 from ship_trl.files.disk import read_file
 from ship_trl.files.untrusted import read_yaml
 from ship_trl.formats.maritime_schema import is_situation, read_situation
@@ -37,12 +38,14 @@ from ship_trl.sim.cases import (
     Suite,
     TargetShip,
     check_case,
+    load_world,
+    merge,
     to_heading,
 )
 
-# A situation of three ships has 5,000 bytes.
 # Not in the name of a folder or file.
 UNNAMED = re.compile(r"[^\w.-]+")
+# A situation of three ships has 5,000 bytes.
 MAX_JSON_BYTES = 1_000_000
 # Reasons of refusals that the closing line names.
 MAX_REASONS = 3
@@ -62,6 +65,16 @@ SUFFIXES = (".json", ".yaml", ".yml", ".csv", ".zip", ".zst", ".nmea", ".txt", "
 
 
 DEFAULT = Situations()
+
+
+@dataclass(frozen=True)
+class Changes:
+    """Keys of the world, a suite's traffic, the perturbation and situations, other than in YAML files."""
+
+    world: dict[str, Any] = field(default_factory=dict)
+    traffic: dict[str, Any] = field(default_factory=dict)
+    perturbation: Perturbation = UNPERTURBED
+    situations: Situations = DEFAULT
 
 
 @dataclass
@@ -121,6 +134,31 @@ def load_suite(
     for line in report.lines(world):
         tell(f"{name}: {line}")
     return Suite(re.sub(UNNAMED, "_", stem(Path(name))), tuple(report.cases), perturbation)
+
+
+def load_changed(name: str, config: object = None, world: World | None = None) -> tuple[Suite, World]:
+    """Read a case or suite, and the world with which it begins, with the changes of a configuration.
+
+    Args:
+        name: as for `load_suite`.
+        config: keys as on the command line and in a suite's file: `{"world": {"reward": {"goal": 100}},
+            "traffic": {"ships": [0, 0, 1], "reacting": 0.5}, "perturbation": {"own_heading": 5},
+            "situations": {"safe": 0.5}}`.
+        world: what `world` changes; None for conf/world/paper.yaml.
+
+    Raises:
+        ConfigError: a key is unknown or wrong, or the suite has no traffic to change.
+    """
+    changes = read_as(Changes, {} if config is None else config, key="config")
+    world = load_world(changes.world if world is None else merge(plain(world), changes.world, "world"))
+    suite = load_suite(name, world, "case", changes.perturbation, changes.situations)
+    if changes.traffic:
+        if suite.traffic is None:
+            allowed = "suite traffic, or another of random encounters"
+            raise ConfigError(f"traffic: {cases.describe(name)} draws no ships; allowed: {allowed}")
+        values = merge(plain(suite.traffic), changes.traffic, "traffic")
+        suite = replace(suite, traffic=read_as(Traffic, values, key="traffic"))
+    return suite, world
 
 
 @cache

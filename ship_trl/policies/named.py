@@ -12,9 +12,7 @@ from pathlib import Path
 from pkgutil import resolve_name
 from typing import Any
 
-import torch
 from tensordict import TensorDictBase
-from tensordict.nn import TensorDictModuleBase
 from torch import Generator, Tensor, nn
 
 from ship_trl.config.errors import ConfigError
@@ -23,41 +21,50 @@ from ship_trl.fast.worlds import draw_starts, make_env
 from ship_trl.learn.network import DuelingNetwork, make_network
 from ship_trl.learn.rollout import Episode, Policy, greedy_policy, rollout
 from ship_trl.policies import recorded
+from ship_trl.policies.checked import CheckedPolicy, describe
+from ship_trl.policies.onnx import onnx_policy
 from ship_trl.policies.pretrained import find
-from ship_trl.policies.registry import EPISODES, POLICIES, Entry, Kind, kind_of
+from ship_trl.policies.registry import EPISODES, POLICIES, TRUSTED, Entry, Kind, kind_of
+from ship_trl.policies.sb3 import sb3_policy
 from ship_trl.sim.env import ShipEnv
-from ship_trl.sim.state import OWN_SIZE, SHIP_SIZE
-from ship_trl.transfer.weights import load_weights, read_look
+from ship_trl.transfer.weights import Look, load_weights, read_look
 
 
-def load_policy(name: str, env: ShipEnv, seed: int = 0) -> Policy:
+def load_policy(name: str, env: ShipEnv, seed: int = 0) -> CheckedPolicy:
     """Load a policy for an environment.
 
     Args:
         name: one of `registry.POLICIES`; `pretrained` (the bundled network for the environment's case or
-            suite) or `pretrained:NAME`; a safetensors file; `file.py:function` or `module:function`, which is
-            called with the environment and the seed.
+            suite) or `pretrained:NAME`; a safetensors or ONNX file; `trusted:FILE.zip` of Stable-Baselines3;
+            `file.py:function` or `module:function`, which is called with the environment and the seed.
         env: where it will act.
         seed: of its random numbers.
 
     Raises:
-        ConfigError: there is no such policy, or its file is invalid; later, it is called with no tensordict
-            with states, or a user's fails or writes an invalid action.
+        ConfigError: there is no such policy, or its file is invalid; later, it is given what it cannot read,
+            or a user's fails or writes an invalid action.
     """
     kind = kind_of(name)
     if kind is Kind.named:
-        return CheckedPolicy(resolve_name(POLICIES[name].make)(env, seed), name)
-    if kind is not Kind.own:
-        file = find(name, None if ":" in name else env.suite).file if kind is Kind.bundled else Path(name)
-        network = load_network(file, env)
-        policy = greedy_policy(network, env.observer(network.config, network.colour))
-        return CheckedPolicy(policy, name)
-    make = import_function(name, "policy", "env", "seed")
-    with name_in_errors(f"policy: {name} fails"):
-        policy = make(env, seed)
-    if not callable(policy):
-        raise ConfigError(f"policy: {name} returns {describe(policy)}; allowed: a function of a tensordict")
-    return CheckedPolicy(policy, name, env)
+        return CheckedPolicy(resolve_name(POLICIES[name].make)(env, seed), None, name)
+    if kind is Kind.own:
+        make = import_function(name, "policy", "env", "seed")
+        with name_in_errors(f"policy: {name} fails"):
+            policy = make(env, seed)
+        if not callable(policy):
+            allowed = "a function of a tensordict"
+            raise ConfigError(f"policy: {name} returns {describe(policy)}; allowed: {allowed}")
+        return CheckedPolicy(policy, None, name, own_actions=len(env.world.actions))
+    file = Path(name.removeprefix(TRUSTED))
+    if kind is Kind.onnx:
+        return CheckedPolicy(*onnx_policy(file, env), name)
+    if kind is Kind.sb3:
+        return CheckedPolicy(*sb3_policy(file, env), name, own_actions=len(env.world.actions))
+    if kind is Kind.bundled:
+        file = find(name, None if ":" in name else env.suite).file
+    network = load_network(file, env)
+    look = Look(network.config, network.colour)
+    return CheckedPolicy(greedy_policy(network, env.observer(*look[:2])), look, name)
 
 
 def load_network(path: Path, env: ShipEnv, key: str = "policy") -> DuelingNetwork:
@@ -92,60 +99,6 @@ def network_of(policy: Policy) -> DuelingNetwork | None:
     """Return the `DuelingNetwork` inside a policy, if there is one."""
     parts = policy.modules() if isinstance(policy, nn.Module) else ()
     return next((part for part in parts if isinstance(part, DuelingNetwork)), None)
-
-
-class CheckedPolicy(TensorDictModuleBase):
-    """Calls a policy, and refuses what it cannot read; of a user's, errors and wrong actions too.
-
-    Args:
-        policy: reads `state`, float32 [N, S], and writes `action`.
-        name: its name in messages.
-        env: where a user's policy acts; None for one of ours.
-    """
-
-    def __init__(self, policy: Policy, name: str, env: ShipEnv | None = None) -> None:
-        super().__init__()
-        self.policy, self.name = policy, name
-        self.in_keys, self.out_keys = ["state"], ["action"]
-        self.limits = None if env is None else (env.batch_size, len(env.world.actions) - 1)
-
-    def forward(self, tensordict: TensorDictBase) -> TensorDictBase:
-        """Write `action` into a tensordict.
-
-        Raises:
-            ConfigError: it has no states, or a user's policy fails or writes an invalid action.
-        """
-        state = tensordict.get("state", None) if isinstance(tensordict, TensorDictBase) else None
-        places = state.shape[-1] - OWN_SIZE if isinstance(state, Tensor) and state.ndim else -1
-        if not (
-            isinstance(state, Tensor) and state.dtype == torch.float32 and places >= 0 == places % SHIP_SIZE
-        ):
-            got = describe(tensordict if state is None else state)
-            allowed = (
-                f"a tensordict with `state`, float32 [N, {OWN_SIZE} + {SHIP_SIZE} a ship], see sim/state.py"
-            )
-            raise ConfigError(f"policy: {self.name} is called with {got}; allowed: {allowed}")
-        if self.limits is None:
-            return self.policy(tensordict)
-        with name_in_errors(f"policy: {self.name} fails"):
-            written = self.policy(tensordict)
-        batch_size, last = self.limits
-        action: Any = written.get("action", None) if isinstance(written, TensorDictBase) else None
-        is_index = isinstance(action, Tensor) and action.dtype == torch.int64 and action.shape == batch_size
-        if not (is_index and bool(((action >= 0) & (action <= last)).all())):
-            got = f"{action.tolist()!s:.60}" if is_index else describe(action)
-            allowed = f"int64 {list(batch_size)} from 0 to {last}, in its tensordict"
-            raise ConfigError(f"policy: {self.name} writes action {got}; allowed: {allowed}")
-        return written
-
-
-def describe(value: object) -> str:
-    """Describe a wrong value in a few words: kind and shape of an array, keys of a tensordict."""
-    if isinstance(value, TensorDictBase):
-        return f"a tensordict with {', '.join(sorted(map(str, value.keys()))) or 'nothing'}"
-    if hasattr(value, "dtype") and hasattr(value, "shape"):
-        return f"{str(value.dtype).removeprefix('torch.')} {list(value.shape)}"
-    return f"{value!r:.40}"
 
 
 def failures_first(entries: list[Entry], seed: int = 0) -> list[Entry]:

@@ -1,132 +1,66 @@
-"""Convert a network to ONNX, and compare the model with it on an episode."""
+"""Let onnxruntime act: the greedy policy of a model that `export` wrote."""
 
 from __future__ import annotations
 
 import importlib.util
 import json
-import logging
-import warnings
 from pathlib import Path
-from typing import Any
 
 import torch
-from tensordict import TensorDictBase
-from torch import Tensor, nn
+from tensordict.nn import TensorDictModule, TensorDictSequential
+from torch import Tensor
 
-from ship_trl import __version__
-from ship_trl.config.errors import ConfigError
-from ship_trl.config.network import describe_network
-from ship_trl.fast.worlds import make_env
-from ship_trl.files.disk import atomic_write
-from ship_trl.learn.network import DuelingNetwork
-from ship_trl.learn.rollout import Episode, Policy, rollout
-from ship_trl.policies.named import load_with_network
-from ship_trl.policies.registry import Entry, split_suites
+from ship_trl.config.errors import ConfigError, missing_extra, require
+from ship_trl.config.network import geometry
+from ship_trl.config.schema import read_as
+from ship_trl.config.types import Network
+from ship_trl.files.disk import read_file
 from ship_trl.sim.env import ShipEnv
-from ship_trl.transfer.weights import open_safetensors
+from ship_trl.transfer.weights import COLOURS, Look
 
 RUNTIME = "onnxruntime"
 OUTPUT = "action_value"
-# Maximum error of Q-values relative to the largest; summing float32 in another order gives less.
-TOLERANCE = 1e-4
+# The paper's network has 2 MB.
+MAX_MODEL_BYTES = 1 << 28
 
 
-def export(entry: Entry, path: Path) -> str:
-    """Write a network as ONNX, and check it if onnxruntime is installed; return what was written.
+def onnx_policy(path: Path, env: ShipEnv) -> tuple[TensorDictSequential, Look]:
+    """Load a model as a policy of two modules: one observes states, the other acts; and what it observes.
+
+    It is read into memory, so that it can name no other file.
 
     Raises:
-        ConfigError: the policy has no network, or the model's actions or Q-values differ from the network's.
+        ConfigError: onnxruntime is not installed, or the file is not a model of `export` for these actions.
     """
-    # In a suite it is checked in the first scene.
-    entry = split_suites([entry])[0]
-    env = make_env(entry.suite.case, entry.world, colour=entry.colour)
-    policy, network = load_with_network(entry.policy, env)
-    # The exporter would treat a batch size of one as constant.
-    observation = env.observer(network.config, network.colour)(env.reset()["state"].expand(2, -1))
-    program = trace(network, observation)
-    # The case, the actions, the layers, and the run that trained the weights.
-    about = {
-        "case": entry.suite.case.name,
-        "policy": entry.label,
-        "actions": json.dumps(entry.world.actions),
-        "actions_unit": "m/s, rad/s",
-        "ship_trl": __version__,
-    }
-    if Path(entry.policy).is_file():
-        with open_safetensors(Path(entry.policy), "policy") as file:
-            trained = json.loads((file.metadata() or {}).get("ship_trl", "{}"))
-        about |= {key: str(trained[key]) for key in ("config_hash", "episode") if key in trained}
-    about["network"] = json.dumps(describe_network(network.config))
-    program.model.metadata_props.update(about)
-    kind, size = str(observation.dtype).removeprefix("torch."), ", ".join(map(str, observation.shape[1:]))
-    actions = len(entry.world.actions)
-    shapes = f"{network.observes} {kind} [batch, {size}] -> {OUTPUT} float32 [batch, {actions}]"
-    with atomic_write(path) as draft:
-        program.save(draft)
-        checked = f"not checked: {RUNTIME} is not installed"
-        if importlib.util.find_spec(RUNTIME) is not None:
-            checked = compare(rollout(env, policy)[0], rollout(env, onnx_policy(draft, env, network))[0])
-    return f"{path}: case {entry.suite.case.name}, {entry.label}; {shapes}\n{checked}"
-
-
-def trace(network: DuelingNetwork, observation: Tensor) -> Any:
-    """Return the network as an ONNX program that accepts any batch size, from an example of two rows."""
-
-    class QValues(nn.Module):
-        """The network without its backend, whose branches cannot be exported."""
-
-        def __init__(self) -> None:
-            super().__init__()
-            self.network = network
-
-        def forward(self, observed: Tensor) -> Tensor:
-            return self.network.dense_q_values(observed)
-
-    # The exporter logs that torchvision is missing, which is not needed, and warns about its own calls.
-    logging.getLogger("torch.onnx").setLevel(logging.ERROR)
-    with warnings.catch_warnings():
-        warnings.simplefilter("ignore")
-        return torch.onnx.export(
-            QValues().eval(),
-            (observation,),
-            dynamo=True,
-            verbose=False,
-            input_names=[network.observes],
-            output_names=[OUTPUT],
-            dynamic_shapes={"observed": {0: torch.export.Dim("batch")}},
-        )
-
-
-def onnx_policy(path: Path, env: ShipEnv, network: DuelingNetwork) -> Policy:
-    """Return the greedy policy of a network's model that onnxruntime runs."""
+    if importlib.util.find_spec(RUNTIME) is None:
+        raise ConfigError(f"policy: {missing_extra(RUNTIME, 'onnx')}")
     import onnxruntime
 
     options = onnxruntime.SessionOptions()
     options.intra_op_num_threads = 1
-    session = onnxruntime.InferenceSession(path.read_bytes(), options, providers=["CPUExecutionProvider"])
+    options.log_severity_level = 4  # what is wrong with a file is said below
+    try:
+        model = read_file(path, MAX_MODEL_BYTES)
+        session = onnxruntime.InferenceSession(model, options, providers=["CPUExecutionProvider"])
+        about = json.loads(session.get_modelmeta().custom_metadata_map["network"])
+        network = read_as(Network, about, key="network", from_json=True)
+        geometry(network)  # refuses wrong ones
+        ((key, shape),) = [(one.name, one.shape[1:]) for one in session.get_inputs()]
+        ((output, actions),) = [(one.name, one.shape[1:]) for one in session.get_outputs()]
+        look = Look(network, colour=not network.linear and shape[0] == COLOURS)
+        wanted = [look.observes, [*look.shape], OUTPUT, [len(env.world.actions)]]
+        got = [key, shape, output, actions]
+        require(got == wanted, "input and output", f"{wanted}", got)
+    except Exception as error:  # the runtime raises many kinds
+        reason = " ".join(f"{error}".split())
+        raise ConfigError(
+            f"policy: {path} is not a model of ship-trl export for this world ({reason})"
+        ) from None
 
-    observe = env.observer(network.config, network.colour)
+    def act(observed: Tensor) -> tuple[Tensor, Tensor]:
+        values = torch.from_numpy(session.run([OUTPUT], {key: observed.cpu().numpy()})[0]).to(env.device)
+        return values, values.argmax(-1)
 
-    def policy(step: TensorDictBase) -> TensorDictBase:
-        observed = observe(step["state"]).numpy()
-        values = torch.from_numpy(session.run([OUTPUT], {network.observes: observed})[0])
-        return step.set(OUTPUT, values).set("action", values.argmax(-1))
-
-    return policy
-
-
-def compare(network: Episode, onnx: Episode) -> str:
-    """Compare the greedy episodes of a network and its model; return the line to print.
-
-    Raises:
-        ConfigError: actions differ, or Q-values differ by more than `TOLERANCE`.
-    """
-    assert network.q_values is not None and onnx.q_values is not None
-    if network.actions.tolist() != onnx.actions.tolist():
-        raise ConfigError(f"{RUNTIME}: chooses other actions than the network; nothing written")
-    difference = float((network.q_values - onnx.q_values).abs().max())
-    largest = float(network.q_values.abs().max())
-    found = f"Q-values of up to {largest:.3g} differ by at most {difference:.1e}"
-    if not difference <= TOLERANCE * largest:
-        raise ConfigError(f"{RUNTIME}: {found}, allowed {TOLERANCE * largest:.1e}; nothing written")
-    return f"checked in {RUNTIME} on an episode of {network.length} steps: the same actions, {found}"
+    observe = TensorDictModule(env.observer(network, look.colour), in_keys=["state"], out_keys=[key])
+    acts = TensorDictModule(act, in_keys=[key], out_keys=[OUTPUT, "action"])
+    return TensorDictSequential(observe, acts), look

@@ -48,7 +48,7 @@ def random_actions(env: ShipEnv, seed: int = 0) -> Policy:
     count = len(env.world.actions)
 
     def policy(step: TensorDictBase) -> TensorDictBase:
-        action = torch.randint(count, env.batch_size, generator=generator, device=env.device)
+        action = torch.randint(count, step.batch_size, generator=generator, device=env.device)
         return step.set("action", action)
 
     return policy

@@ -37,31 +37,38 @@ POLICIES = {
     ),
     "apf": Named("ship_trl.policies.apf:apf", "artificial potential field (Khatib)"),
 }
-ALLOWED = f"{', '.join(POLICIES)}, {PRETRAINED}, a safetensors file, or file.py:function"
+ALLOWED = f"{', '.join(POLICIES)}, {PRETRAINED}, a safetensors or ONNX file, or file.py:function"
 
 # Tables show one decimal: a return that differs by more than half of it is not the claimed one.
 SHOWN = 0.05
 # Episodes of an entry whose starts are perturbed, and random encounters that are shown one by one.
 EPISODES, EXAMPLES = 100, 8
 
-# What a word for a policy is: a name above, a bundled network, a network's file, or a user's function.
-Kind = Enum("Kind", ["named", "bundled", "network", "own"])
+# What a word for a policy is: a name above, a bundled network, a file of a network, or a user's function.
+Kind = Enum("Kind", ["named", "bundled", "network", "onnx", "sb3", "own"])
+FILES = {".safetensors": Kind.network, ".onnx": Kind.onnx, ".zip": Kind.sb3}
+# Before a file of Stable-Baselines3: its pickles may run.
+TRUSTED = "trusted:"
 
 
 def kind_of(name: str, more: Sequence[str] = ()) -> Kind:
     """Return what a word for a policy is; `more` are words that messages allow too.
 
     Raises:
-        ConfigError: it is none, or the file is missing.
+        ConfigError: it is none, the file is missing, or it needs `TRUSTED` before it.
     """
     if name in POLICIES:
         return Kind.named
     if is_pretrained(name):
         return Kind.bundled
-    if name.endswith(".safetensors"):
-        if not Path(name).is_file():
-            raise ConfigError(f"policy: no file {name}; allowed: a safetensors file")
-        return Kind.network
+    file = Path(name.removeprefix(TRUSTED))
+    if found := FILES.get(file.suffix):
+        if not file.is_file():
+            raise ConfigError(f"policy: no file {file}; allowed: a {file.suffix} file that exists")
+        if found is Kind.sb3 and not name.startswith(TRUSTED):
+            why = "holds pickles, which run code as they are loaded; if you trust who made it"
+            raise ConfigError(f"policy: {name} {why}, write {TRUSTED}{name}")
+        return found
     if ":" not in name:
         raise ConfigError(f"policy: no {name}; allowed: {', '.join((*more, ALLOWED))}")
     return Kind.own

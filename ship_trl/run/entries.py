@@ -1,9 +1,9 @@
 """Read policies and suites from a command line, the same way for `evaluate`, `watch` and `record`.
 
-POLICY is a name in `ship_trl.policies`, a safetensors file, a result folder, or file.py:function. Result
-folders and `pretrained` have their own target. Every other policy needs `target=CASE`, which may be a suite,
-or takes the targets of the policies before it. It acts in the world of the first result folder or, without
-one, in the paper's with `world.KEY=VALUE`. `perturbation.KEY=VALUE` perturbs the starts.
+POLICY is what `policies.registry.kind_of` knows, or a result folder. Result folders and `pretrained` have
+their own target. Every other policy needs `target=CASE`, which may be a suite, or takes the targets of the
+policies before it. It acts in the world of the first result folder or, without one, in the paper's with
+`world.KEY=VALUE`. `perturbation.KEY=VALUE` perturbs the starts.
 """
 
 from __future__ import annotations
@@ -20,6 +20,7 @@ from ship_trl.config.errors import ConfigError, print_error
 from ship_trl.config.schema import read_as
 from ship_trl.config.types import Perturbation, Situations, World
 from ship_trl.files.record import RESULT
+from ship_trl.files.untrusted import read_changes
 from ship_trl.formats.suites import load_suite
 from ship_trl.policies.pretrained import PRETRAINED, Pretrained, find, is_pretrained, networks
 from ship_trl.policies.registry import Entry, kind_of
@@ -100,10 +101,9 @@ def read_world(changes: list[str]) -> World:
         ConfigError: a key is unknown or its value is not allowed.
     """
     try:
-        world = load_world(changes=changes)
+        return load_world(read_changes(changes))
     except YAMLError as error:
         raise ConfigError(f"world: not readable: {' '.join(str(error).split())}") from None
-    return world
 
 
 def bundled_entries(name: str, targets: list[Suite], world: World, perturbation: Perturbation) -> list[Entry]:

@@ -10,13 +10,13 @@ from __future__ import annotations
 import hashlib
 import json
 import math
-from collections.abc import Iterable
+from collections.abc import Mapping
 from contextlib import suppress
 from dataclasses import asdict, dataclass, field
 from enum import StrEnum
 from functools import cache, cached_property
 from pathlib import Path
-from typing import Annotated, NamedTuple
+from typing import Annotated, Any, NamedTuple
 
 from omegaconf import DictConfig, ListConfig, OmegaConf
 from omegaconf.errors import OmegaConfBaseException
@@ -24,12 +24,12 @@ from pydantic import Field
 from yaml import YAMLError
 
 from ship_trl.config.bounds import MAX_DISTANCE, Metres
-from ship_trl.config.errors import ConfigError, print_error
+from ship_trl.config.errors import ConfigError, explain, print_error
 from ship_trl.config.paths import conf_dir, conf_files, is_name, list_names, stem
 from ship_trl.config.schema import read_as, rule
 from ship_trl.config.types import Perturbation, Traffic, World, plain
 from ship_trl.files.disk import read_file
-from ship_trl.files.untrusted import Cells, read_changes, read_table, read_yaml
+from ship_trl.files.untrusted import Cells, read_table, read_yaml
 
 MAX_TARGET_SHIPS = 8
 # Within this bound float32 is accurate to a centimetre, or to a hundredth of a degree.
@@ -277,10 +277,18 @@ def to_course(heading: float) -> float:
     return (90.0 - heading) % 360.0
 
 
-def load_world(changes: Iterable[str] = ()) -> World:
-    """Read the shared physics, conf/world/paper.yaml, without Hydra, with changes such as "turn_time=4"."""
-    values = read_yaml(conf_dir() / "world/paper.yaml")
-    return read_as(World, OmegaConf.merge(values, read_changes(changes)), key="world")
+def load_world(changes: Mapping[str, Any] | DictConfig | None = None) -> World:
+    """Read the shared physics, conf/world/paper.yaml, without Hydra, with changes as {"turn_time": 4}."""
+    values = merge(read_yaml(conf_dir() / "world/paper.yaml"), changes or {}, "world")
+    return read_as(World, values, key="world")
+
+
+def merge(values: Any, changes: Any, key: str) -> Any:
+    """Return values with changes, also of groups inside them; `key` is their key in a `ConfigError`."""
+    try:
+        return OmegaConf.merge(values, changes)
+    except OmegaConfBaseException as error:
+        raise ConfigError(f"{key}.{explain(error)}") from None
 
 
 def shadowing_file(kind: str, name: str) -> Path | None:

@@ -13,6 +13,7 @@ import torch
 from safetensors import SafetensorError, safe_open
 from torch import Generator, Tensor
 
+from ship_trl.config.bounds import PICTURE
 from ship_trl.config.errors import ConfigError
 from ship_trl.config.network import describe_network, geometry, linear_sizes, load_network
 from ship_trl.config.schema import read_as
@@ -68,7 +69,18 @@ class Look(NamedTuple):
 
     network: Network
     colour: bool
-    adds_source: bool
+    adds_source: bool = False
+
+    @property
+    def observes(self) -> str:
+        """What the network sees: "vector" or "pixels"."""
+        return "vector" if self.network.linear else "pixels"
+
+    @property
+    def shape(self) -> tuple[int, ...]:
+        """Shape of what the network sees: [F] or [C, 84, 84]."""
+        picture = (COLOURS if self.colour else 1, PICTURE, PICTURE)
+        return (self.network.inputs,) if self.network.linear else picture
 
 
 def read_look(path: Path, key: str) -> Look:

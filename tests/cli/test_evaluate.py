@@ -5,10 +5,13 @@ import json
 import shutil
 from pathlib import Path
 
+import numpy as np
 import pytest
 from PIL import Image
 
+from ship_trl import load_policy
 from ship_trl.cli.evaluate import SCORES, main
+from ship_trl.config.errors import ConfigError
 from ship_trl.policies.registry import POLICIES
 from tests.command import SMOKE, refused, ship_trl
 
@@ -73,6 +76,14 @@ def test_a_row_of_each_episode_and_a_sheet_of_their_paths(
         assert both.width == one.width and both.height > 1.5 * one.height
     (tmp_path / "one.png").unlink()
     assert sorted(path.name for path in tmp_path.iterdir()) == ["all.csv", "all.png"]
+
+
+def test_a_run_is_a_policy(trained: Path, tmp_path: Path) -> None:
+    policy = load_policy(trained)
+    assert policy.name == str(trained) and policy.observation == "pixels"
+    assert policy.predict(np.zeros((2, 84, 84, 1), np.uint8))[0].shape == (2,)
+    with pytest.raises(ConfigError, match=r"policy: no result\.json with its networks at or below"):
+        load_policy(tmp_path)
 
 
 def test_a_result_folder_is_what_it_claims(trained: Path, capsys: pytest.CaptureFixture[str]) -> None:

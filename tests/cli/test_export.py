@@ -4,16 +4,21 @@ import json
 from pathlib import Path
 from typing import Any
 
+import onnx
 import onnxruntime
 import pytest
 import torch
 from torch import Generator, Tensor
 
+from ship_trl import load_policy
 from ship_trl.cli.export import main
+from ship_trl.cli.record import main as record
+from ship_trl.config.errors import ConfigError
 from ship_trl.config.network import describe_network, load_network
 from ship_trl.learn.network import DuelingNetwork, make_network
-from ship_trl.policies import onnx as export
+from ship_trl.policies import export
 from ship_trl.transfer.weights import save_weights
+from tests.cli.test_evaluate import table
 from tests.command import refused
 from tests.learn.networks import network
 
@@ -32,8 +37,9 @@ def values(path: Path, observed: Tensor, key: str = "pixels") -> Tensor:
 
 
 def test_the_command_exports_and_checks_on_an_episode(
-    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
+    monkeypatch.chdir(tmp_path)
     made = saved(tmp_path / "policy.safetensors")
     main(["policy.safetensors", "q.onnx", "target=4"])
     said = capsys.readouterr().out
@@ -50,6 +56,38 @@ def test_the_command_exports_and_checks_on_an_episode(
     assert len(json.loads(about["actions"])) == 7
     assert json.loads(about["network"]) == describe_network(load_network())
     assert {path.name for path in tmp_path.iterdir()} == {"policy.safetensors", "q.onnx"}
+    words = ["policy.safetensors", "q.onnx", "target=4"]
+    network, model = (row[2:] for row in table(capsys, *words))
+    assert model == network
+    record([*words, "--trajectories", "paths.png"])
+    policy = load_policy("q.onnx")
+    assert policy.env_options == {"observation": "pixels", "colour": False, "vector_time": 0.0}
+    seen = pixels.movedim(1, -1).numpy()
+    assert policy.predict(seen)[0].tolist() == made(pixels).argmax(-1).tolist()
+
+
+def test_what_is_no_exported_model_is_refused(tmp_path: Path) -> None:
+    for name, text in (("text.onnx", b"text"), ("empty.onnx", b"")):
+        (tmp_path / name).write_bytes(text)
+        with pytest.raises(ConfigError, match=f"policy: .*{name} is not a model of ship-trl export for this"):
+            load_policy(tmp_path / name)
+    node = onnx.helper.make_node("Cast", ["pixels"], ["action_value"], to=onnx.TensorProto.FLOAT)
+    kinds = {"pixels": onnx.TensorProto.UINT8, "action_value": onnx.TensorProto.FLOAT}
+    shape = ["batch", 1, 84, 84]
+    infos = [onnx.helper.make_tensor_value_info(name, kind, shape) for name, kind in kinds.items()]
+    graph = onnx.helper.make_graph([node], "other", infos[:1], infos[1:])
+    opsets = [onnx.helper.make_opsetid("", 18)]
+    model = onnx.helper.make_model(graph, ir_version=10, opset_imports=opsets)
+    for metadata, why in (
+        ({}, "network"),
+        ({"network": json.dumps(describe_network(load_network()))}, "input and output: must be"),
+    ):
+        onnx.helper.set_model_props(model, metadata)
+        onnx.save(model, tmp_path / "other.onnx")
+        with pytest.raises(ConfigError, match=rf"other\.onnx is not a model of ship-trl export .*{why}"):
+            load_policy(tmp_path / "other.onnx")
+    with pytest.raises(ConfigError, match=r"policy: no file none\.onnx; allowed: a \.onnx file that exists"):
+        load_policy("none.onnx")
 
 
 def saved_numbers(path: Path) -> DuelingNetwork:
@@ -76,8 +114,8 @@ def test_a_model_that_does_not_pass_is_not_written(
     onnx_policy = export.onnx_policy
 
     def other(*given: Any) -> object:
-        policy = onnx_policy(*given)
-        return lambda step: policy(step).set("action", (step["action"] + 1) % 7)
+        policy, look = onnx_policy(*given)
+        return lambda step: policy(step).set("action", (step["action"] + 1) % 7), look
 
     monkeypatch.setattr(export, "onnx_policy", other)
     error = refused(capsys, main, "policy.safetensors", "q.onnx", "target=4")

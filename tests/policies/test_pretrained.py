@@ -48,8 +48,10 @@ def test_a_policy_in_one_line() -> None:
     assert torch.equal(elsewhere.states[0, :3], torch.tensor([0.0, 0.0, torch.pi / 2]))
     best = rollout(make_env(case, WORLD), package.load_policy("best_known", case="4"))[0]
     assert best.episode_return == pytest.approx(best_known(case, WORLD).episode_return)
-    with pytest.raises(ConfigError, match="case: none given"):
-        package.load_policy("random")
+    with pytest.raises(ConfigError, match="best_known has no plan of a drawn start"):
+        package.load_policy("best_known")
+    with pytest.raises(ConfigError, match="policy: pretrained names several networks; allowed: one"):
+        package.load_policy("pretrained")
     for case_name in (None, "4"):
         with pytest.raises(ConfigError, match=r"policy: no x; allowed: 1, 2, .* traffic_pixels, random, "):
             package.load_policy("x", case_name)

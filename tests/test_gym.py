@@ -210,7 +210,11 @@ def test_the_documents_line_needs_nothing_before_it(tmp_path: Path) -> None:
         (ShipCollisionEnv, {"render_mode": "ansi"}, "render_mode: must be None or rgb_array, got 'ansi'"),
         (ShipCollisionEnv, {"max_episode_steps": 0}, "max_episode_steps: must be greater than or equal to 1"),
         (ShipCollisionEnv, {"max_episode_steps": [5]}, r"max_episode_steps: must be .*, got \[5\]"),
-        (ShipCollisionEnv, {"config": 5}, "config: must be a group of world, traffic, perturbation, got 5"),
+        (
+            ShipCollisionEnv,
+            {"config": 5},
+            "config: must be a group of world, traffic, perturbation, situations, got 5",
+        ),
         (
             ShipCollisionEnv,
             {"config": {"dt": 1}},

@@ -39,7 +39,7 @@ def test_it_acts_in_gymnasium_as_in_torchrl(name: str, options: dict[str, Any]) 
     for action in episode.actions.tolist():
         observation = seen if options else info["state"]
         chosen, hidden = policy.predict(observation)
-        assert (int(chosen), hidden, chosen.shape, chosen.dtype) == (action, None, (), np.int64)
+        assert int(chosen) == action and hidden is None and chosen.shape == () and chosen.dtype == np.int64
         seen, _, terminated, truncated, info = env.step(chosen)
     assert terminated or truncated
     batch = np.stack([observation, observation])

@@ -26,7 +26,7 @@ LEFT = {
 }
 PRINTED = {
     "1_ships": r"Discrete\(7\), observation \(84, 84, 1\), uint8\n.*goal True, least distance \d+ m\n",
-    "2_transfer": r"FT3: greedy area [\d.]+; best return -?[\d.]+ \(\w+\)",
+    "2_transfer": r"FT3: greedy area -?[\d.]+; best return -?[\d.]+ \(\w+\)",
     "3_own_encounter": r"sb_mpc .*goal",
 }
 CELL = re.compile(r"^# %%(?: \[markdown\])?$", re.MULTILINE)

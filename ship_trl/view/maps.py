@@ -13,15 +13,15 @@ from ship_trl.view.episode import EpisodeView
 from ship_trl.view.painter import map_frame, paint_scene
 from ship_trl.view.style import BACKGROUND, CHOSEN, DANGER, FAINT, OUTCOMES, TEXT, action_text, blend
 
-# Letters in a row of the picture, pixels between maps, and height in letters of what is below them.
-LETTERS, GAP, ACTIONS, CAPTION = 34, 8, 3.2, 1.5
+# Letters in a row of a picture of one map or of many, pixels between maps, and heights in letters below them.
+ONE, MANY, GAP, ACTIONS, LINE = 34, 40, 8, 3.2, 1.5
 
 
 def draw_maps(surface: pygame.Surface, views: Sequence[EpisodeView], position: float) -> None:
     """Fill a surface with a map of each episode at a position in steps; below a single one are actions."""
     (width, height), count = surface.get_size(), len(views)
-    size = width // LETTERS
-    below = round(size * (CAPTION + (ACTIONS if count == 1 else CAPTION)))
+    size = width // (ONE if count == 1 else MANY)
+    below = round(size * (LINE + (ACTIONS if count == 1 else 1.3 * LINE)))
 
     def side_of(columns: int) -> int:
         return min(width // columns, height // math.ceil(count / columns) - below) - GAP
@@ -38,13 +38,16 @@ def draw_maps(surface: pygame.Surface, views: Sequence[EpisodeView], position: f
         ways = [scene.OWN, *[scene.TARGET] * numbers.ships.shape[1]]
         paint_scene(surface.subsurface(place), numbers, position, map_frame([numbers], side), ways=ways)
         room = pygame.Rect(left, place.bottom + 0.3 * size, side, below)
-        words = [(TEXT, f"case {view.case.name}" if count == 1 else view.case.name)]
+        words = [(TEXT, f"case {view.case.name}")] if count == 1 else []
         least = float(numbers.closest[step].min(initial=math.inf))
         if least < math.inf:
             told = f"closest so far {least:.0f} m" if count == 1 else f"{least:.0f} m"
             words.append((DANGER if least < numbers.world.safe_distance else FAINT, told))
         if position >= numbers.steps and numbers.outcome is not None:
             words.append((OUTCOMES[numbers.outcome], numbers.outcome))
+        if count > 1:
+            pen.write(surface, view.case.name, (left, room.top + 0.95 * size), TEXT, size)
+            room.top += round(LINE * size)
         bottom = pen.flow(surface, words, room, size)
         if count == 1:
             _draw_actions(surface, pygame.Rect(left, bottom, side, ACTIONS * size), view, step, size)

@@ -78,7 +78,8 @@ def test_the_lines_of_python_run(tmp_path: Path) -> None:
     assert ended.code == 0 and ended.out.startswith("goal "), ended
     with Image.open(tmp_path / "outputs/case4.gif") as film:
         assert film.n_frames > 30  # type: ignore[attr-defined]
-    block = (ROOT / "docs/library.md").read_text().partition("```python\n")[2].partition("```")[0]
-    (tmp_path / "predict.py").write_text(block)
-    ended = run_script(tmp_path / "predict.py", folder=tmp_path)
-    assert ended.code == 0 and ended.out.startswith("goal "), ended
+    for page in ("docs/library.md", "README.md"):
+        block = (ROOT / page).read_text().partition("```python\n")[2].partition("```")[0]
+        (tmp_path / "predict.py").write_text(block)
+        ended = run_script(tmp_path / "predict.py", folder=tmp_path)
+        assert ended.code == 0 and ended.out.startswith("goal "), ended

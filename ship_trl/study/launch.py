@@ -262,7 +262,8 @@ def log_summary(config: StudyConfig) -> None:
     logged["page"] = wandb.Html(str(folder / "index.html"), inject=False)
     for name in TABLES:
         if (path := folder / f"{name}.csv").exists():
-            logged[name] = wandb.Table(dataframe=pd.read_csv(path))
+            # A name of its own, because figures and tables share names.
+            logged[f"table/{name}"] = wandb.Table(dataframe=pd.read_csv(path))
     verdicts = {}
     if (path := folder / "claims.csv").exists():
         verdicts = pd.read_csv(path).groupby("claim")["claim's verdict"].first().to_dict()

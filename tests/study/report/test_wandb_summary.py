@@ -1,15 +1,17 @@
 """A study in wandb: its runs lie together, grouped, and one of them is the report."""
 
+import contextlib
 import dataclasses
 import json
 import subprocess
 import sys
+import types
 from pathlib import Path
 from typing import Any
 
 import pytest
 
-from ship_trl.study.launch import command
+from ship_trl.study.launch import command, log_summary
 from ship_trl.study.plan import plan_jobs, to_study
 from tests.command import environment
 from tests.study.commands import SMALL, study
@@ -46,6 +48,27 @@ def test_a_study_is_one_project_with_a_summary_run(tmp_path: Path) -> None:
     report = json.dumps(runs["report", "report of smoke_study"])
     assert all(name in report for name in ("pair_high", "arms", "table_2", "page"))
     assert list((place / "wandb").rglob("pair_high*.png")) and list((place / "wandb").rglob("page*.html"))
+
+
+def test_a_table_does_not_replace_the_figure_of_its_name(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    logged: dict[str, Any] = {}
+    run = types.SimpleNamespace(log=logged.update, summary={})
+    fake = types.SimpleNamespace(
+        Error=RuntimeError,
+        Image=Path,
+        Html=lambda path, inject: path,
+        Table=lambda dataframe: list(dataframe.columns),
+        init=lambda **_: contextlib.nullcontext(run),
+    )
+    monkeypatch.setitem(sys.modules, "wandb", fake)  # type: ignore[arg-type]
+    (tmp_path / "report").mkdir()
+    (tmp_path / "report/effects.png").touch()
+    (tmp_path / "report/effects.csv").write_text("arm,difference\nFT3,1\n")
+    log_summary(to_study(["logger=wandb", f"output={tmp_path}"]))
+    assert logged["effects"] == tmp_path / "report/effects.png"
+    assert logged["table/effects"] == ["arm", "difference"]
 
 
 def test_the_runs_get_the_studys_project() -> None:

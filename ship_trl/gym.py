@@ -38,6 +38,7 @@ from ship_trl.fast.worlds import make_starts
 from ship_trl.formats.suites import load_changed
 from ship_trl.sim import scene
 from ship_trl.sim.render import Rasteriser
+from ship_trl.sim.replay import Replay, with_replay
 from ship_trl.sim.transition import Transition
 from ship_trl.sim.vector import VectorObservation
 
@@ -119,6 +120,7 @@ class ShipCollisionVectorEnv(gymnasium.vector.VectorEnv[Observations, NDArray[np
         self._starts = make_starts(self.suite, self.world)
         # Compiled loops on arrays: through tensors the step of one ship takes five times as long.
         self._step = CompiledStep(Transition(replace(self.world, max_steps=limit)))
+        self._replay = with_replay(self._step, self.suite, self.world)
         rasteriser = Rasteriser(self.world, colour=colour, vector_time=ahead)
         self._draw = CompiledDrawing(rasteriser)
         self._generators = [Generator() for _ in range(num_envs)]
@@ -227,7 +229,10 @@ class ShipCollisionVectorEnv(gymnasium.vector.VectorEnv[Observations, NDArray[np
             raise ValueError(f"actions: must be whole numbers from 0 to {last}, got {wrong[0]}")
         chosen, after, flags = given.astype(np.int64), np.empty_like(self._state), np.empty((3, count), bool)
         reward, distance = np.empty((2, count), np.float32)
-        self._step.step_into(self._state, chosen, after, reward, flags, distance)
+        state = self._state
+        if isinstance(self._replay, Replay):
+            state = self._replay.turn(torch.from_numpy(state)).numpy()
+        self._step.step_into(state, chosen, after, reward, flags, distance)
         self._state, self._least_distance = after, np.minimum(self._least_distance, distance)
         return reward, flags
 

@@ -15,6 +15,7 @@ from ship_trl.explain.saliency import greedy_actions
 from ship_trl.learn.network import DuelingNetwork
 from ship_trl.sim.env import ShipEnv
 from ship_trl.sim.geometry import angle_off_bow
+from ship_trl.sim.replay import with_replay
 from ship_trl.sim.scene import VIEW_RADIUS
 from ship_trl.sim.state import (
     HEADING,
@@ -120,7 +121,7 @@ def draw_states(env: ShipEnv, network: DuelingNetwork, episodes: int, generator:
 def run_episodes(env: ShipEnv, network: DuelingNetwork, count: int, generator: Generator) -> list[Tensor]:
     """Run `count` episodes in a batch, half of them at random; return the states of the long ones."""
     world = env.world
-    motion, start = Transition(world), initial_state(env.case, world)
+    motion, start = with_replay(Transition(world), env.suite, world), initial_state(env.case, world)
     along = START_SHARE * torch.rand(count, 1, generator=generator)
     shift = 2.0 * torch.rand(count, 3, generator=generator) - 1.0
     state = start.repeat(count, 1)

@@ -18,9 +18,10 @@ import torch
 from torch import Tensor
 
 from ship_trl.config.types import World
-from ship_trl.sim.cases import Case
+from ship_trl.sim.cases import Case, suite_of
 from ship_trl.sim.encounter import ship_velocities
 from ship_trl.sim.geometry import unit_vector
+from ship_trl.sim.replay import with_replay
 from ship_trl.sim.reward import MAX_SHIP_DISTANCE, POSITION_TOLERANCE, PaidStep, step_reward
 from ship_trl.sim.state import (
     HEADING,
@@ -37,7 +38,7 @@ from ship_trl.sim.state import (
     position,
     relative_positions,
 )
-from ship_trl.sim.transition import Transition, advance
+from ship_trl.sim.transition import Step, Transition, advance
 
 
 class Resolution(NamedTuple):
@@ -91,16 +92,17 @@ def best_plan(case: Case, world: World, beam: int = 6000) -> Plan:
     `beam` is the maximum number of plans kept from one step to the next.
     """
     transition, start = Transition(world), initial_state(case, world)
-    value_bound = ValueBound(transition, start)
+    step, value_bound = with_replay(transition, suite_of(case), world), ValueBound(transition, start)
     best = Plan(-math.inf, [], False)
     for resolution in RESOLUTIONS:
-        best = search(start, transition, value_bound, beam, resolution, best)
+        best = search(start, transition, step, value_bound, beam, resolution, best)
     return best
 
 
 def search(
     start: Tensor,
     transition: Transition,
+    step: Step,
     value_bound: ValueBound,
     beam: int,
     resolution: Resolution,
@@ -110,7 +112,8 @@ def search(
 
     Args:
         start: the case's initial state, [S].
-        transition: the simulation step, on the CPU.
+        transition: the world's simulation step, on the CPU.
+        step: the same, in which recorded ships follow their paths.
         value_bound: upper bound of the return to come, which prunes plans.
         beam: maximum number of plans kept from one step to the next.
         resolution: which plans count as similar, and how far they may be from `best`.
@@ -118,14 +121,14 @@ def search(
     """
     state, best_positions = start[None], []
     for one in best.actions:
-        state = transition(state, torch.tensor([one])).state
+        state = step(state, torch.tensor([one])).state
         best_positions.append(position(state))
     state, total = start[None], torch.zeros(1, dtype=torch.float64)
     history = torch.zeros(1, 0, dtype=torch.int8)
     while len(state):
         action = torch.arange(len(transition.actions)).repeat(len(state))
         parent = torch.arange(len(state)).repeat_interleave(len(transition.actions))
-        after = transition(state[parent], action)
+        after = step(state[parent], action)
         totals = total[parent] + after.reward
         ended = after.goal | after.collision | after.truncated
         index = int(totals.masked_fill(~ended, -math.inf).argmax())

@@ -27,6 +27,7 @@ from ship_trl.learn.rollout import Policy, greedy_policy, rollout
 from ship_trl.policies.planner import Plan, best_plan
 from ship_trl.sim.cases import Case, Scene, Suite, read_scenes, suite_of
 from ship_trl.sim.env import ShipEnv
+from ship_trl.sim.replay import with_replay
 from ship_trl.sim.starts import Starts
 from ship_trl.sim.state import STEP, initial_state
 from ship_trl.sim.transition import Transition
@@ -62,7 +63,8 @@ def random_return(
     All runs use the same seed of actions and starts, so that their scores share one zero. `fast` is of
     `make_step`.
     """
-    step, generator = make_step(world, fast=fast), Generator().manual_seed(seed)
+    step = with_replay(make_step(world, fast=fast), suite, world)
+    generator = Generator().manual_seed(seed)
     state = make_starts(suite, world).balanced(episodes, generator).contiguous()
     total = torch.zeros(episodes, dtype=torch.float64)
     running = torch.ones(episodes, dtype=torch.bool)
@@ -211,7 +213,7 @@ def follow_plan(case: Case, world: World, actions: list[int]) -> Plan:
     Raises:
         IndexError: action index out of range.
     """
-    step = Transition(world)
+    step = with_replay(Transition(world), suite_of(case), world)
     state, total, goal = initial_state(case, world)[None], torch.zeros(1, dtype=torch.float64), False
     for action in actions:
         after = step(state, torch.tensor([action]))

@@ -11,10 +11,20 @@ from ship_trl.sim.state import SHIP_BEHAVIOUR, SHIP_HEADING, SHIP_SPEED, STEP, t
 from ship_trl.sim.transition import Outcome, Step
 
 
-def with_replay(step: Step, suite: Suite, world: World, device: torch.device) -> Step:
+def with_replay(step: Step, suite: Suite, world: World, device: torch.device | str = "cpu") -> Step:
     """Return the step of a suite: the same, unless a case has recorded ships."""
     ships = [ship for case in suite.cases for ship in case.target_ships if isinstance(ship, RecordedShip)]
     return Replay(step, ships, world.dt, device) if ships else step
+
+
+def as_moved(before: Tensor, after: Tensor) -> Tensor:
+    """Return states `before` a step, with recorded ships heading as they do in the states `after` it."""
+    before = before.clone()
+    ships, moved = target_ships(before), target_ships(after)
+    follows = ships[..., SHIP_BEHAVIOUR, None] >= FIRST_RECORDED
+    motion = [SHIP_HEADING, SHIP_SPEED]
+    ships[..., motion] = torch.where(follows, moved[..., motion], ships[..., motion])
+    return before
 
 
 class Replay:
@@ -24,7 +34,7 @@ class Replay:
     actions. After the end of its path a ship keeps course and speed.
     """
 
-    def __init__(self, step: Step, ships: list[RecordedShip], dt: float, device: torch.device) -> None:
+    def __init__(self, step: Step, ships: list[RecordedShip], dt: float, device: torch.device | str) -> None:
         self.step, self.dt = step, dt
         longest = max(len(ship.path) for ship in ships)
         # Places [M, T, 2] after each step, by the ship's number; NaN after the end of a path.
@@ -32,11 +42,15 @@ class Replay:
         # One place more, beyond the end of all paths.
         self.paths = torch.full((most, longest + 1, 2), torch.nan)
         for ship in ships:
-            self.paths[ship.number, : len(ship.path)] = torch.tensor(ship.path)
+            self.paths[ship.number, : len(ship.path)] = torch.tensor(ship.path).reshape(-1, 2)
         self.paths = self.paths.to(device)
 
     def __call__(self, state: Tensor, action: Tensor) -> Outcome:
         """Return the outcome of an action in states [N, S]; see `ship_trl.sim.transition.Transition`."""
+        return self.step(self.turn(state), action)
+
+    def turn(self, state: Tensor) -> Tensor:
+        """Return states [N, S] in which recorded ships head for their next places."""
         state = state.clone()
         ships = target_ships(state)
         number = ships[..., SHIP_BEHAVIOUR].long() - FIRST_RECORDED
@@ -47,4 +61,4 @@ class Replay:
         ships[..., SHIP_SPEED] = torch.where(
             follows, torch.hypot(east, north) / self.dt, ships[..., SHIP_SPEED]
         )
-        return self.step(state, action)
+        return state

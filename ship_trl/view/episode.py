@@ -20,6 +20,7 @@ from ship_trl.sim.cases import Case
 from ship_trl.sim.encounter import relative_motion
 from ship_trl.sim.geometry import closest_approach
 from ship_trl.sim.render import Rasteriser
+from ship_trl.sim.replay import as_moved
 from ship_trl.sim.state import (
     SHIP_COUNT,
     SHIP_HEADING,
@@ -66,7 +67,7 @@ class Telemetry:
         self.world, transition = world, Transition(world)
         # Of a suite, empty places for target ships are left out.
         states = select_ships(states, range(int(states[0, SHIP_COUNT])))
-        after = transition(states[:-1], actions)
+        after = transition(as_moved(states[:-1], states[1:]), actions)
         goal, collision, end = (bool(f[-1:].any()) for f in (after.goal, after.collision, after.truncated))
         self.outcome = outcome(goal, collision) if goal or collision or end else None
         terms = transition.reward_terms(actions, after)

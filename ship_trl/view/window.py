@@ -24,6 +24,7 @@ from ship_trl.policies.demonstrations import write_demonstration
 from ship_trl.policies.reference import best_known
 from ship_trl.policies.registry import Entry
 from ship_trl.sim.cases import Case, Suite, readable_cases, suite_of
+from ship_trl.sim.replay import with_replay
 from ship_trl.sim.state import initial_state
 from ship_trl.sim.transition import Transition
 from ship_trl.view import pen
@@ -406,7 +407,8 @@ class Game(Window):
         self.case = self.cases[self._place]
         self.actions, self.rudder = list[int](), self.world.straight_action
         self.best = best_known(self.case, self.world).episode_return
-        self._motion, self._rasteriser = Transition(self.world), make_rasteriser(self.world)
+        self._motion = with_replay(Transition(self.world), suite_of(self.case), self.world)
+        self._rasteriser = make_rasteriser(self.world)
         self._states = [initial_state(self.case, self.world)[None]]
         self.position, self.is_running, self._message = 0.0, False, "Space: start"
         self._measure()

@@ -2,12 +2,18 @@
 
 from __future__ import annotations
 
+import numpy as np
 import pytest
 import torch
 
 from ship_trl import make_env
-from ship_trl.sim.cases import Case, RecordedShip, Suite, TargetShip, load_world
+from ship_trl.gym import ShipCollisionEnv
+from ship_trl.learn.rollout import rollout
+from ship_trl.policies.planner import best_plan
+from ship_trl.policies.reference import follow_plan, keep_course
+from ship_trl.sim.cases import Case, RecordedShip, Suite, TargetShip, load_world, suite_of
 from ship_trl.sim.state import SHIP_X, SHIP_Y, target_ships
+from ship_trl.view.episode import Telemetry
 
 WORLD = load_world()
 PATH = tuple((300.0 - 5 * step, 400.0 + (step > 5) * 3 * (step - 5)) for step in range(1, 21))
@@ -41,6 +47,29 @@ def test_ships_of_a_suite_follow_their_own_paths() -> None:
         path = PATH if float(target_ships(row)[0, 0, SHIP_X]) == 300 else other
         places = target_ships(row)[1:21, 0, SHIP_X : SHIP_Y + 1]
         torch.testing.assert_close(places, torch.tensor(path), rtol=0, atol=1e-2)
+
+
+def test_gymnasium_planner_and_pictures_move_recorded_ships_likewise(monkeypatch: pytest.MonkeyPatch) -> None:
+    # On its course the ship passes far ahead; on its path it meets own ship.
+    path = tuple((200.0 - 10 * step, 150.0 + 5 * step) for step in range(1, 31))
+    ship = RecordedShip(200, 150, 0, 15, path=path)
+    suite = suite_of(Case([0, 0], 90, [0, 600], "", [ship], "c"))
+    monkeypatch.setattr("ship_trl.gym.load_changed", lambda *_: (suite, WORLD))
+    own = ShipCollisionEnv()
+    own.reset()
+    *_, info = next(found for _ in range(60) if (found := own.step(np.int64(WORLD.straight_action)))[2])
+    assert info["collision"]
+    straight = [WORLD.straight_action] * 60
+    plan, best = follow_plan(suite.case, WORLD, straight), best_plan(suite.case, WORLD, beam=200)
+    assert not plan.goal and best.goal
+    (episode,) = rollout(env := make_env(suite, WORLD), keep_course(env))
+    assert episode.collision and Telemetry(WORLD, episode.states, episode.actions).outcome == "collision"
+    assert follow_plan(suite.case, WORLD, best.actions) == best
+
+
+def test_a_ship_without_a_path_keeps_its_course() -> None:
+    places = target_ships(states(RecordedShip(300, 400, 0, 5)))[:, 0, 0, SHIP_X]
+    assert float(places[20]) == pytest.approx(400, abs=1e-2)
 
 
 def test_a_path_belongs_to_the_fingerprint() -> None:

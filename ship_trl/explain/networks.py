@@ -18,6 +18,7 @@ from ship_trl.fast.worlds import make_env
 from ship_trl.files.curve import RunError
 from ship_trl.files.record import RESULT, RunRecord, read_run
 from ship_trl.files.untrusted import read_yaml
+from ship_trl.formats.suites import load_suite
 from ship_trl.learn.network import DuelingNetwork, make_network
 from ship_trl.learn.rollout import greedy_policy, rollout
 from ship_trl.policies.named import load_with_network
@@ -26,7 +27,6 @@ from ship_trl.policies.registry import SHOWN, Entry
 from ship_trl.run.plan import Run
 from ship_trl.run.results import locate, read_run_settings
 from ship_trl.run.setup import read_source
-from ship_trl.sim.cases import load_suite
 from ship_trl.transfer.casebase import CONFIG
 from ship_trl.transfer.methods import make_method
 
@@ -124,7 +124,8 @@ def find_origin(entry: Entry, name: str) -> Origin:
         if given is not None and given != "random" and pretrained is None:
             config = dataclasses.replace(config, source_file=locate(given, folder))
         target = f"{folder / RESULT}: target"
-        suite = load_suite(locate(result.target, folder), entry.world, target, config.perturbation)
+        case = locate(result.target, folder)
+        suite = load_suite(case, entry.world, target, config.perturbation, config.situations)
         run = Run(config, suite, None, folder, result.config_hash, pretrained)
         # The same weights as make_parts draws.
         weights = Generator().manual_seed(run.stream("weights"))

@@ -114,7 +114,7 @@ def compare_pair(seed: int, pair: str, runs: Runs, other_seed: Path | None) -> l
     if SCRATCH not in runs or len(sources) != 1 or Path(source).suffix != ".safetensors":
         wanted = "allowed: a run from scratch, and arms of one source, a safetensors file"
         raise ConfigError(f"folder: pair {pair}, seed {seed}: sources {sorted(map(str, sources))}; {wanted}")
-    world, colour, _ = read_settings(runs[SCRATCH])
+    world, colour, *_ = read_settings(runs[SCRATCH])
     env = make_env(load_case(results[SCRATCH].target, world), world, 1, colour=colour)
 
     def load(name: str | Path) -> DuelingNetwork:

@@ -82,7 +82,12 @@ def read_table(path: Path) -> Fixes:
             return sort_fixes([clean(chunk, columns) for chunk in chunks])
     except ImportError:
         raise ConfigError(f"{path}: {missing_extra('zstandard', 'ais')}") from None
-    except (ValueError, EOFError, OSError) as error:
+    except ConfigError:
+        raise
+    except Exception as error:
+        # Packed files have errors of their own: BadZipFile, zlib.error, ZstdError.
+        if packed is None and not isinstance(error, ValueError | EOFError | OSError):
+            raise
         raise ConfigError(f"{path}: {error}") from None
 
 
@@ -182,12 +187,20 @@ def read_times(column: Any) -> NDArray[np.int64]:
     """
     import pandas
 
-    try:
-        if not pandas.api.types.is_datetime64_any_dtype(column):
-            days_first = column.iloc[:1].astype(str).str.contains("/").any()
-            column = pandas.to_datetime(column, format="%d/%m/%Y %H:%M:%S" if days_first else "ISO8601")
-    except ValueError as error:
-        raise ValueError(f"time: {str(error).partition(chr(10))[0]}") from None
+    if not pandas.api.types.is_datetime64_any_dtype(column):
+        days_first = column.iloc[:1].astype(str).str.contains("/").any()
+        form = "%d/%m/%Y %H:%M:%S" if days_first else "ISO8601"
+        try:
+            times = pandas.to_datetime(column, format=form)
+        except ValueError as error:
+            if "zone" in str(error):
+                raise ValueError("time: has several time zones; allowed: UTC") from None
+            wrong = column[pandas.to_datetime(column, format=form, errors="coerce").isna() & column.notna()]
+            # The header is row 1.
+            where = f"row {wrong.index[0] + 2}: got {wrong.iloc[0]!s:.40}" if len(wrong) else str(error)[:80]
+            allowed = "2025-01-31T12:00:00, or Denmark's 31/01/2025 12:00:00"
+            raise ValueError(f"time: {where}; allowed: {allowed}") from None
+        column = times
     zone = getattr(column.dt, "tz", None)
     if zone is not None and str(zone) not in ("UTC", "UTC+00:00"):
         raise ValueError(f"time: has the time zone {zone}; allowed: UTC")

@@ -73,9 +73,9 @@ def read_time(text: object) -> datetime | None:
         return None
     try:
         time = datetime.fromisoformat(str(text))
-    except ValueError:
+        return time.astimezone(UTC) if time.tzinfo else time.replace(tzinfo=UTC)
+    except (ValueError, OverflowError):
         raise ValueError(f"startTime: must be a time as 2025-06-15T08:30:00Z, got {text!r:.40}") from None
-    return time.astimezone(UTC) if time.tzinfo else time.replace(tzinfo=UTC)
 
 
 def position_of(ship: Json, where: str) -> tuple[float, float]:

@@ -1,7 +1,7 @@
 """A situation: an encounter of another tool, in the units of the sea.
 
 Metres on a plane that touches the earth at own ship's start, x east and y north; courses in degrees clockwise
-from north; m/s; seconds. How a situation becomes a case of the simulator's size is `ship_trl.sim.foreign`'s.
+from north; m/s; seconds. `ship_trl.formats.suites` makes cases of the simulator's size of them.
 """
 
 from __future__ import annotations

@@ -8,16 +8,19 @@ from __future__ import annotations
 
 import json
 import math
+import os
 import re
 from collections import Counter
 from collections.abc import Iterator
 from dataclasses import dataclass, field, replace
 from functools import cache
+from itertools import chain, count
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 from omegaconf import OmegaConf
+from yaml import YAMLError
 
 from ship_trl.config.errors import ConfigError, print_error
 from ship_trl.config.paths import stem
@@ -38,6 +41,8 @@ from ship_trl.sim.cases import (
     Suite,
     TargetShip,
     check_case,
+    find_case,
+    is_suite,
     load_world,
     merge,
     to_heading,
@@ -85,13 +90,14 @@ class Report:
     situations: dict[str, Situation] = field(default_factory=dict)
     refused: list[str] = field(default_factory=list)
     notes: Counter[str] = field(default_factory=Counter)
-    counts: str = ""
+    counts: Counter[str] = field(default_factory=Counter)
 
     def lines(self, world: World) -> list[str]:
         """Return the notes, and one closing line."""
         lines = [note if times == 1 else f"{note} ({times} times)" for note, times in self.notes.items()]
         reasons = "; ".join(self.refused[:MAX_REASONS]) + "; ..." * (len(self.refused) > MAX_REASONS)
-        counts = f"{self.counts}{len(self.cases)} scenes, {len(self.refused)} refused"
+        found = "".join(f"{number} {what}, " for what, number in self.counts.items())
+        counts = f"{found}{len(self.cases)} scenes, {len(self.refused)} refused"
         first = (
             f"; the first: {scale.describe(world)}" if self.cases and (scale := self.cases[0].scale) else ""
         )
@@ -103,15 +109,31 @@ def is_foreign(name: str) -> bool:
     path = Path(name)
     try:
         if path.is_dir():
-            return "/" in name or any(path.glob("*.json")) or any(path.glob("*.y*ml"))
-        if not path.is_file() or path.suffix.lower() not in SUFFIXES:
+            # A folder may have the name of a case or suite.
+            return "/" in name or (not is_known(name) and holds_situations(path))
+        if not path.is_file() or not is_read(path):
             return False
+        if path.suffix.lower() in (".yaml", ".yml"):
+            # A case's file is short; its keys are others.
+            return bool(re.search(rb"^ship_list:", read_file(path), re.MULTILINE))
     except OSError:
         return False
-    if path.suffix.lower() in (".yaml", ".yml"):
-        # A case's file is short; its keys are others.
-        return bool(re.search(rb"^ship_list:", read_file(path), re.MULTILINE))
     return True
+
+
+def is_known(name: str) -> bool:
+    """Return whether a name is that of a case or suite of ours, or empty."""
+    return not name or is_suite(name) or find_case(name) is not None
+
+
+def holds_situations(path: Path) -> bool:
+    """Return whether a path is a folder with files whose names end as those of other tools do."""
+    return path.is_dir() and any(is_read(one) and one.is_file() for one in path.iterdir())
+
+
+def is_read(path: Path) -> bool:
+    """Return whether a file's name ends as those of other tools do."""
+    return path.suffix.lower() in SUFFIXES
 
 
 def load_suite(
@@ -133,7 +155,9 @@ def load_suite(
     report = read_cases(name, world, reading)
     for line in report.lines(world):
         tell(f"{name}: {line}")
-    return Suite(re.sub(UNNAMED, "_", stem(Path(name))), tuple(report.cases), perturbation)
+    path = Path(os.path.abspath(name))  # noqa: PTH100 (links stay)
+    own_name = path.name if path.is_dir() else stem(path)
+    return Suite(re.sub(UNNAMED, "_", own_name), tuple(report.cases), perturbation)
 
 
 def load_changed(name: str, config: object = None, world: World | None = None) -> tuple[Suite, World]:
@@ -183,6 +207,9 @@ def read_cases(name: str, world: World, reading: Situations = DEFAULT) -> Report
         except (ValueError, ConfigError) as error:
             report.refused.append(str(error))
             continue
+        # Of scenes of one name the later ones are numbered.
+        names = chain([case.name], (f"{case.name}-{number}" for number in count(2)))
+        case.name = next(name for name in names if name not in report.situations)
         report.cases.append(case)
         report.situations[case.name] = situation
     recorded = (ship for case in report.cases for ship in case.target_ships if isinstance(ship, RecordedShip))
@@ -195,16 +222,17 @@ def read_cases(name: str, world: World, reading: Situations = DEFAULT) -> Report
 
 def situations_of(path: Path, world: World, reading: Situations, report: Report) -> Iterator[Situation]:
     """Yield the situations of a file, or of all files of a folder in the order of their names."""
-    files = (
-        sorted(one for one in path.iterdir() if one.suffix.lower() in SUFFIXES) if path.is_dir() else [path]
-    )
+    files = [path]
+    if path.is_dir():
+        files = sorted(one for one in path.iterdir() if is_read(one) and not one.is_dir())
     if not files:
         raise ConfigError(f"{path}: has no file of situations; allowed: {', '.join(SUFFIXES)}")
     for file in files:
         try:
             yield from read_file_of(file, world, reading, report)
-        except (ValueError, ConfigError, OSError) as error:
-            text = str(error) if str(error).startswith(str(file)) else f"{file}: {error}"
+        except (ValueError, ConfigError, OSError, YAMLError) as error:
+            text = " ".join(str(error).split())
+            text = text if text.startswith(str(file)) else f"{file}: {text}"
             if len(files) == 1:
                 raise ConfigError(text) from None
             report.refused.append(text)
@@ -249,12 +277,14 @@ def read_traffic(
     else:
         raise ValueError("is of no known format; allowed: a traffic situation, an NTNU scenario, AIS")
     length = reading.safe * NAUTICAL_MILE / world.safe_distance
-    time = length / (USUAL_KNOTS * KNOT / world.actions[world.straight_action][0])
+    straight = world.actions[world.straight_action][0]
+    time, way = length / (USUAL_KNOTS * KNOT / straight), straight * world.dt * world.max_steps
     safe = length * world.safe_distance
     # Where the scores of the rules take an encounter to begin and to end.
-    limits = tracks.Limits(safe * ONSET, time * ONSET_TIME, safe * CLEAR, length * WINDOW)
+    limits = tracks.Limits(safe * ONSET, time * ONSET_TIME, safe * CLEAR, length * WINDOW, way * length)
     found = tracks.find_encounters(fixes, limits, reading.own, reading.ships)
-    report.counts += f"{found.pairs} pairs, {found.encounters} encounters, "
+    report.counts["pairs"] += found.pairs
+    report.counts["encounters"] += found.encounters
     if found.turned:
         report.notes[f"{found.turned} of {found.ships} target ships turned more than 10 degrees"] += 1
     yield from found.situations

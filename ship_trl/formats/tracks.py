@@ -36,8 +36,6 @@ MAX_GAP = 360
 INSTANT = 30
 # Metres and m/s. Faster than 60 knots, a fix is at a wrong place.
 NEAR, MAX_SPEED, LEAST_SPEED = 6 * NAUTICAL_MILE, 60 * KNOT, 3 * KNOT
-# Seconds of a track that are kept after the start.
-KEPT = 1800
 EARTH = 6_371_000.0
 
 
@@ -46,12 +44,16 @@ MANOEUVRE = 10.0
 
 
 class Limits(NamedTuple):
-    """When an encounter begins and ends: metres, seconds; see `ship_trl.sim.encounter.Encounters`."""
+    """When an encounter begins and ends: metres, seconds; see `ship_trl.sim.encounter.Encounters`.
+
+    Tracks are kept for the time in which own ship goes `way` metres: that of an episode.
+    """
 
     dcpa: float
     tcpa: float
     clear: float
     window: float
+    way: float = 6 * NAUTICAL_MILE
 
 
 class Samples(NamedTuple):
@@ -173,7 +175,7 @@ def find_encounters(fixes: Fixes, limits: Limits, own: OwnShip, most_targets: in
                 for mine, other in roles(samples, int(one[k]), int(two[k]), own):
                     ships = nearest(samples, int(begin), int(end), mine, other, limits.window)[:most_targets]
                     name = f"{written(samples.instant[begin])}-{len(found.situations) + 1}"
-                    found.situations.append(paths.situation(name, mine, ships))
+                    found.situations.append(paths.situation(name, mine, ships, limits.way))
     found.pairs = len(np.unique(np.concatenate(seen)))
     for situation in found.situations:
         found.ships += len(situation.targets)
@@ -259,18 +261,19 @@ class Paths:
         # Where each row stands in that order.
         self.place = np.argsort(self.order)
 
-    def situation(self, name: str, own: int, targets: list[int]) -> Situation:
+    def situation(self, name: str, own: int, targets: list[int], way: float) -> Situation:
         """Return the situation of own ship's row and those of its target ships."""
         samples = self.samples
         plane = Plane(float(samples.latitude[own]), float(samples.longitude[own]))
-        ships = [self.ship(plane, row) for row in (own, *targets)]
+        seconds = way / float(speeds(samples, own))
+        ships = [self.ship(plane, row, seconds) for row in (own, *targets)]
         start = datetime.fromtimestamp(int(samples.instant[own]), UTC)
         return Situation(name, ships[0], None, tuple(ships[1:]), plane, start)
 
-    def ship(self, plane: Plane, row: int) -> Ship:
-        """Return a ship with its track of the next half hour, as far as it is unbroken."""
+    def ship(self, plane: Plane, row: int, seconds: float) -> Ship:
+        """Return a ship with its track of the next `seconds`, as far as it is unbroken."""
         samples, place = self.samples, int(self.place[row])
-        rows = self.order[place : place + KEPT // INSTANT + 1]
+        rows = self.order[place : place + math.ceil(seconds / INSTANT) + 1]
         steps = np.arange(len(rows)) * INSTANT
         unbroken = (samples.ship[rows] == samples.ship[row]) & (
             samples.instant[rows] == samples.instant[row] + steps

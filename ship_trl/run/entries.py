@@ -131,10 +131,10 @@ def folder_entries(folder: Path, targets: list[Suite], perturbation: Perturbatio
         print_error(f"{path}: {error}; left out")
     for run in readable:
         place = run.folder
-        world, colour, trained = read_settings(place)
+        world, colour, trained, reading = read_settings(place)
         bounds = trained if perturbation.is_none else perturbation
         target = f"{place / RESULT}: target"
-        suites = targets or [load_suite(locate(run.target, place), world, target, bounds)]
+        suites = targets or [load_suite(locate(run.target, place), world, target, bounds, reading)]
         label = f"{run.label} {run.name} seed {run.seed}"
         for file, key, claim in ((POLICY, "best", run.best), (POLICY_LAST, "final", run.final)):
             if not (place / file).is_file():

@@ -25,7 +25,7 @@ from ship_trl.config.errors import ConfigError, one_line, override, require
 from ship_trl.config.network import non_default_network
 from ship_trl.config.paths import conf_files, stem
 from ship_trl.config.schema import read_as
-from ship_trl.config.types import Config, Perturbation, Transfer, World, plain, world_values
+from ship_trl.config.types import Config, Perturbation, Situations, Transfer, World, plain, world_values
 from ship_trl.files.curve import RunError
 from ship_trl.files.disk import atomic_write, remove
 from ship_trl.files.record import RESULT, RunRecord, read_run
@@ -403,14 +403,15 @@ def open_folder(run: Run, resume: bool = False) -> None:
     (run.folder / CHECKPOINTS).mkdir(exist_ok=True)
 
 
-def read_settings(folder: Path) -> tuple[World, bool, Perturbation]:
-    """Read a run's world, whether its pictures have colours, and its perturbation from its configuration."""
+def read_settings(folder: Path) -> tuple[World, bool, Perturbation, Situations]:
+    """Read a run's world, whether its pictures have colours, its perturbation and its situations."""
     path = folder / CONFIG
     try:
         values: Any = read_yaml(path)
         world = read_as(World, values.world, key="world")
         perturbation = read_as(Perturbation, values.get("perturbation") or {}, key="perturbation")
-        return world, bool(values.colour), perturbation
+        reading = read_as(Situations, values.get("situations") or {}, key="situations")
+        return world, bool(values.colour), perturbation, reading
     except ConfigError as error:
         raise ConfigError(f"policy: {path}: {error}") from None
     except (OSError, AttributeError, ValueError, YAMLError) as error:

@@ -18,6 +18,7 @@ from ship_trl.files.curve import RunError
 from ship_trl.files.disk import read_file
 from ship_trl.files.record import RESULT, RunRecord, read_run
 from ship_trl.files.untrusted import MAX_YAML_BYTES, read_yaml
+from ship_trl.formats.suites import holds_situations, is_known
 from ship_trl.run.plan import DAMAGED, flatten
 from ship_trl.transfer.casebase import CONFIG
 
@@ -30,12 +31,15 @@ SEED = re.compile(rb"(?m)^seed: .*$|(?<=seed=)\d+(-[0-9a-f]{12})?")
 
 
 def locate(name: str, folder: Path) -> str:
-    """Return the file that a run in `folder` was given by a path relative to where it was started.
+    """Return the file or folder that a run in `folder` was given by a path relative to where it was started.
 
-    A name that is no path of a file is returned as it is.
+    A name that is no path of a file, or of a folder of other tools' files, is returned as it is.
     """
-    places = (parent / name for parent in folder.absolute().parents if Path(name).suffix)
-    return next((str(place) for place in places if place.is_file()), name)
+    is_file, is_folder = bool(Path(name).suffix), not is_known(name)
+    for place in (parent / name for parent in folder.absolute().parents):
+        if (is_file and place.is_file()) or (is_folder and holds_situations(place)):
+            return str(place)
+    return name
 
 
 def collect(folder: Path) -> tuple[list[RunRecord], list[tuple[Path, str]]]:

@@ -150,6 +150,14 @@ def test_a_wrong_table_is_refused_in_one_line(
     assert "\n" not in str(caught.value) and str(tmp_path / "a.csv") in str(caught.value)
 
 
+@pytest.mark.parametrize("head", [b"PK\x03\x04", b"\x28\xb5\x2f\xfd"])
+def test_a_broken_packed_table_is_refused(head: bytes, tmp_path: Path) -> None:
+    path = tmp_path / "a.csv"
+    path.write_bytes(head + bytes(range(200)))
+    with pytest.raises(ConfigError, match=r"a\.csv: "):
+        read_table(path)
+
+
 def nmea(rows: pandas.DataFrame, message: int) -> list[str]:
     pyais = pytest.importorskip("pyais", reason="pyais is not installed")
     sentences = []

@@ -70,6 +70,26 @@ def test_a_folder_is_a_suite_whose_refused_files_are_counted(
     assert "s4.json: is JSON without an ownShip" in told
 
 
+def test_scenes_of_one_name_are_numbered_and_a_broken_file_is_counted(tmp_path: Path) -> None:
+    folder = tmp_path / "v1.2"
+    folder.mkdir()
+    for number, name in enumerate(("a b.json", "a_b.json", "a-b.json")):
+        save(folder / name, situation(OWN, ship(56.05 + number / 100, 11, sog=6, cog=180)))
+    (folder / "deep.yaml").write_text(f"ship_list: {'[' * 3000}")
+    report = read_cases(str(folder), WORLD)
+    assert [case.name for case in report.cases] == ["a_b", "a-b", "a_b-2"] and len(report.situations) == 3
+    assert len(report.refused) == 1 and "nested too deeply" in report.refused[0]
+    assert load_suite(f"{folder}/../v1.2/", WORLD).name == "v1.2"
+
+
+def test_a_folder_does_not_hide_a_suite_of_its_name(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.chdir(tmp_path)
+    for name in ("imazu", "4", "mine"):
+        Path(name).mkdir()
+        save(Path(name) / "one.json", situation(OWN))
+    assert [name for name in ("imazu", "4", "mine", "imazu/", "") if is_foreign(name)] == ["mine", "imazu/"]
+
+
 def test_the_only_file_is_refused_in_a_line(tmp_path: Path) -> None:
     name = save(tmp_path / "a.json", situation(ship(95, 11, sog=1, cog=1)))
     with pytest.raises(ConfigError, match=r"a\.json: ownShip\.initial\.position\.lat: must be a number"):

@@ -145,6 +145,13 @@ def test_turned_ships_are_counted_and_own_track_is_kept() -> None:
     assert np.abs(track[10, 1:]).max() == pytest.approx(300 * 12 * KNOT, rel=0.01)
 
 
+def test_the_track_of_a_slow_own_ship_is_kept_for_its_whole_episode() -> None:
+    slow = [track._replace(knots=track.knots / 3, x=track.x / 3, y=track.y / 3) for track in CROSSING]
+    (situation,) = find(make(slow, minutes=60)).situations
+    track = situation.own.track
+    assert track is not None and track[-1, 0] > 1800
+
+
 def test_positions_lie_where_the_table_says() -> None:
     samples = resample(read_frame(danish(make(CROSSING[:1], minutes=2))), 30)
     assert samples.latitude[0] == pytest.approx(LATITUDE) and samples.longitude[0] == pytest.approx(LONGITUDE)

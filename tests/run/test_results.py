@@ -77,3 +77,9 @@ def test_a_file_is_found_from_the_folder_where_the_run_was_started(tmp_path: Pat
     # The name of a case is no file.
     (tmp_path / "4").touch()
     assert locate("4", run) == "4"
+    # Of folders only those with files of other tools count.
+    situations = tmp_path / "scenes/one.json"
+    situations.parent.mkdir()
+    situations.touch()
+    assert locate("scenes", run) == str(situations.parent)
+    assert locate("low", run) == "low"

@@ -1,8 +1,8 @@
-"""`python -m ship_trl play target=CASE`: steer a ship yourself, with the keyboard.
+"""`python -m ship_trl play target=CASE|SUITE`: steer a ship yourself, with the keyboard.
 
 The window compares your return with the best known one. A finished episode is kept as a demonstration, with
-which a training can begin (demonstrations=FOLDER). The default is case 4; with several cases, separated by
-commas, C goes to the next. Press H in the window for the keys.
+which a training can begin (demonstrations=FOLDER). The default is case 4; of several cases, separated by
+commas or of a suite, C goes to the next. Press H in the window for the keys.
 """
 
 from __future__ import annotations
@@ -12,13 +12,15 @@ from pathlib import Path
 
 from ship_trl.cli.errors import refusals
 from ship_trl.cli.parser import add_size, add_target, make_parser
-from ship_trl.sim.cases import load_case, load_world
+from ship_trl.formats.suites import load_suite
+from ship_trl.policies.registry import Entry, split_suites
+from ship_trl.sim.cases import load_world
 
 
 def main(arguments: list[str] | None = None) -> None:
     """Read the arguments, open the window, play."""
     parser = make_parser("play", __doc__)
-    add_target(parser, "4", "target=CASE")
+    add_target(parser, "4", "target=CASE|SUITE")
     folder = Path("outputs/demonstrations")
     keep = f"where episodes are kept; default: {folder}"
     parser.add_argument("--demonstrations", type=Path, default=folder, metavar="FOLDER", help=keep)
@@ -27,7 +29,9 @@ def main(arguments: list[str] | None = None) -> None:
     options = parser.parse_args(arguments)
     with refusals():
         world = load_world()
-        cases = [load_case(name, world, "target") for name in options.target]
+        suites = [load_suite(name, world, "target") for name in options.target]
+        entries = split_suites(Entry("play", "play", suite, world, False) for suite in suites)
+        cases = [case for entry in entries for case in entry.suite.cases]
 
         from ship_trl.run.process import configure_process
         from ship_trl.view.window import Game, open_window

@@ -54,7 +54,7 @@ def find_entries(words: list[str], colour: bool) -> list[Entry]:
     situations = dict(word.split("=", 1) for word in given["situations"])
     reading = read_as(Situations, situations, key="situations")
     if not names:
-        raise ConfigError("policy: none given; see --help for what is allowed")
+        raise ConfigError("policy: none given; for example pretrained:traffic; --help lists all")
     world = read_world(given["world"])
     suites = [name for value in given["target"] for name in value.split(",") if name]
     targets = [load_suite(name, world, "target", perturbation, reading) for name in suites]

@@ -135,6 +135,7 @@ def test_a_grid_uses_all_cores_and_trains_a_source_once(tmp_path: Path) -> None:
 
 
 REFUSED = {
+    "target=1 method=scratch ~network.conv.0": "overrides: Hydra cannot read them (",
     "": "pair: none given",
     "-m +pair=high arm=glob(FE*)": "arm: no glob(FE*); allowed: scratch, or FE, FT",
     "watches target=4": "watches: no such verb; allowed: watch, record, play,",

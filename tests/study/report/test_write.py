@@ -151,7 +151,9 @@ def test_without_claims_there_are_tables_and_figures_and_no_verdicts(
     page = (tmp_path / "index.html").read_text()
     assert "<h2>Scores by arm</h2>" in page and "claim" not in page.partition("</style>")[2]
     *headlines, last = capsys.readouterr().out.splitlines()
-    assert len(headlines) == 4 and "FE1 against scratch, case 1 to case 2, 5 seeds" in headlines[0]
+    assert (
+        len(headlines) == len(ARMS) - 1 and "FE1 against scratch, case 1 to case 2, 5 seeds" in headlines[0]
+    )
     assert last == f"30 runs, 0 left out; {tmp_path / 'index.html'}"
 
 

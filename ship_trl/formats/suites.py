@@ -250,10 +250,17 @@ def read_file_of(file: Path, world: World, reading: Situations, report: Report) 
             raise ValueError("nested too deep") from None
         found = values if isinstance(values, list) else [values]
         for number, one in enumerate(found):
-            if not is_situation(one):
-                raise ValueError("is JSON without an ownShip; allowed: a traffic situation")
             suffix = "" if len(found) == 1 else f"-{number + 1}"
-            yield read_situation(one, f"{stem(file)}{suffix}")
+            try:
+                if not is_situation(one):
+                    raise ValueError("is JSON without an ownShip; allowed: a traffic situation")
+                situation = read_situation(one, f"{stem(file)}{suffix}")
+            except ValueError as error:
+                if len(found) == 1:
+                    raise
+                report.refused.append(f"{file}: [{number}]: {error}")
+                continue
+            yield situation
         return
     if file.suffix.lower() in (".yaml", ".yml"):
         scenario: Any = OmegaConf.to_container(read_yaml(file))

@@ -82,6 +82,13 @@ def test_scenes_of_one_name_are_numbered_and_a_broken_file_is_counted(tmp_path: 
     assert load_suite(f"{folder}/../v1.2/", WORLD).name == "v1.2"
 
 
+def test_one_wrong_situation_of_a_list_is_counted_alone(tmp_path: Path) -> None:
+    name = save(tmp_path / "list.json", [situation(OWN), {"ownShip": {}}, situation(OWN)])
+    report = read_cases(name, WORLD)
+    assert [case.name for case in report.cases] == ["list-1", "list-3"]
+    assert len(report.refused) == 1 and f"{name}: [1]: ownShip: has no position" in report.refused[0]
+
+
 def test_a_folder_does_not_hide_a_suite_of_its_name(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.chdir(tmp_path)
     for name in ("imazu", "4", "mine"):

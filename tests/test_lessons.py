@@ -3,6 +3,7 @@
 import re
 from pathlib import Path
 
+import numpy as np
 import pytest
 from PIL import Image
 
@@ -66,5 +67,4 @@ def test_a_lesson_runs(path: Path, tmp_path: Path) -> None:
         assert left.stat().st_size > 1000, name
         if left.suffix in (".png", ".gif"):
             with Image.open(left) as picture:
-                low, high = picture.convert("L").getextrema()
-            assert high > low
+                assert np.asarray(picture.convert("L")).std() > 0

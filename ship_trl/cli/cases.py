@@ -168,6 +168,9 @@ def show_ranking(
     show(headings, rows, title=f"Sources for case {target.name}, by {by}")
     if not ranking:
         return
+    if max(match.measured["similarity"] for match in ranking) == 0:
+        sys.stdout.write(f"By the paper's rule: no case is similar to case {target.name}.\n")
+        return
     first = ranking[0].case
     words = override("source", first.name), override("target", given), *arms[0]
     sys.stdout.write(f"By the paper's rule:\n{command(*words)}\n")

@@ -242,7 +242,8 @@ def read_nmea(path: Path) -> Fixes:
         for message in (one for one in pyais.IterMessages(file) if one.is_valid):
             if (tags := message.tag_block) is not None:
                 tags.init()
-            if tags is None or not tags.receiver_timestamp:
+            # A tag block with a wrong checksum, or a word for a time, tells no time.
+            if tags is None or not tags.is_valid or not str(tags.receiver_timestamp).isdecimal():
                 untimed += 1
                 continue
             time = int(tags.receiver_timestamp)

@@ -152,6 +152,11 @@ def load_suite(
     """
     if not is_foreign(name):
         return cases.load_suite(name, world, key, perturbation)
+    if reading.targets is Targets.replay and perturbation.ship_position + perturbation.ship_speed > 0:
+        raise ConfigError(
+            "perturbation: recorded ships start where their tracks do; allowed: situations.targets=straight, "
+            "or own_position and own_heading alone"
+        )
     report = read_cases(name, world, reading)
     for line in report.lines(world):
         tell(f"{name}: {line}")

@@ -2,13 +2,14 @@
 
 import re
 import shutil
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
 from PIL import Image
 
-from ship_trl.cli.cases import main
-from ship_trl.sim.cases import load_suite, load_world
+from ship_trl.cli.cases import main, show_ranking
+from ship_trl.sim.cases import load_case, load_suite, load_world
 from ship_trl.transfer.casebase import CaseBase
 from tests.command import ROOT, ship_trl
 from tests.pasted import composed_values, printed_commands
@@ -66,3 +67,14 @@ def test_recommended_commands_keep_odd_names(tmp_path: Path) -> None:
     shutil.copy(ROOT / "conf" / "case" / "2.yaml", tmp_path / "own.yaml")
     lines = printed_commands(ship_trl("target=own.yaml", folder=tmp_path, verb="cases").stdout)
     assert lines and {composed_values(line)["target"] for line in lines} == {"own.yaml"}
+
+
+def test_no_source_is_recommended_where_none_is_similar(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    world = load_world()
+    # What an encounter of another tool has: nobody knows the ideal path.
+    sources = [replace(load_case(name, world), ideal_path=f"path {name}") for name in ("1", "2")]
+    target = replace(load_case("4", world), ideal_path="unknown", target_ships=[], name="foreign")
+    show_ranking(target, "foreign", sources[1:], world, "similarity", CaseBase(tmp_path))
+    assert "By the paper's rule: no case is similar to case foreign.\n" in capsys.readouterr().out

@@ -207,5 +207,9 @@ def test_times_in_milliseconds_are_read_and_a_wrong_checksum_is_not(tmp_path: Pa
     right, other = (line.rpartition("\\")[2] for line in nmea(ROWS.iloc[:2], 1))
     damaged = other[:-2] + ("00" if other[-2:] != "00" else "01")
     (tmp_path / "a.nmea").write_text(f"{tagged(right, 1000 * START)}\n{tagged(damaged, START)}\n")
+    # A word for a time, and a tag block whose checksum is wrong.
+    word, wrong = tagged(right, 0).replace("c:0", "c:a"), tagged(right, START)[: -len(right) - 3]
+    with (tmp_path / "a.nmea").open("a") as file:
+        file.write(f"{word}\n{wrong}00\\{right}\n")
     fixes = read_nmea(tmp_path / "a.nmea")
     assert fixes.time.tolist() == [START] and fixes.ship.tolist() == [0]

@@ -10,7 +10,7 @@ from typing import Any
 import pytest
 
 from ship_trl.config.errors import ConfigError
-from ship_trl.config.types import OwnShip, Situations, Targets
+from ship_trl.config.types import OwnShip, Perturbation, Situations, Targets
 from ship_trl.formats.situation import KNOT, NAUTICAL_MILE
 from ship_trl.formats.suites import is_foreign, load_suite, read_cases
 from ship_trl.sim import cases
@@ -116,6 +116,14 @@ def test_a_table_of_positions_is_a_suite_with_recorded_tracks(tmp_path: Path) ->
     (replayed,) = load_suite(name, WORLD, reading=Situations(targets=Targets.replay)).case.target_ships
     assert isinstance(replayed, RecordedShip) and len(replayed.path) == 39
     assert replayed.number == 0
+
+
+def test_recorded_ships_are_not_perturbed(tmp_path: Path) -> None:
+    name = str(write(tmp_path / "day.csv", make(CROSSING), "danish"))
+    replay, moved = Situations(targets=Targets.replay), Perturbation(ship_position=5)
+    with pytest.raises(ConfigError, match="perturbation: recorded ships start where their tracks do"):
+        load_suite(name, WORLD, perturbation=moved, reading=replay)
+    assert load_suite(name, WORLD, perturbation=moved).is_drawn
 
 
 def test_scenarios_of_ntnu_are_told_from_cases_by_content(tmp_path: Path) -> None:

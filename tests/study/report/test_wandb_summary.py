@@ -62,7 +62,7 @@ def test_a_table_does_not_replace_the_figure_of_its_name(
         Table=lambda dataframe: list(dataframe.columns),
         init=lambda **_: contextlib.nullcontext(run),
     )
-    monkeypatch.setitem(sys.modules, "wandb", fake)  # type: ignore[arg-type]
+    monkeypatch.setitem(sys.modules, "wandb", fake)
     (tmp_path / "report").mkdir()
     (tmp_path / "report/effects.png").touch()
     (tmp_path / "report/effects.csv").write_text("arm,difference\nFT3,1\n")

@@ -13,6 +13,8 @@ from pydantic import Field
 from ship_trl.config.paths import MAX_PATH_BYTES, MAX_PATH_NAME_BYTES, is_path
 from ship_trl.config.schema import MAX_INTEGER, rule
 
+# m/s, and metres.
+KNOT, NAUTICAL_MILE = 1852 / 3600, 1852.0
 # Side in pixels of the picture that the network sees.
 PICTURE = 84
 # Numbers in the vector that it sees: of own ship, and of each target ship.

@@ -13,8 +13,8 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from ship_trl.config.bounds import KNOT
 from ship_trl.config.errors import ConfigError, missing_extra
-from ship_trl.formats.situation import KNOT
 
 if TYPE_CHECKING:
     from pandas import DataFrame

@@ -13,8 +13,8 @@ from collections.abc import Mapping, Sequence
 from datetime import UTC, datetime
 from typing import Any
 
+from ship_trl.config.bounds import KNOT
 from ship_trl.formats.situation import (
-    KNOT,
     MAX_LATITUDE,
     TURNS,
     Plane,

@@ -19,7 +19,6 @@ from numpy.typing import NDArray
 # Degrees: a smaller change of course from leg to leg is rounding.
 LEAST_TURN = 1.0
 TURNS = "a target ship turns at a waypoint; it keeps its first course"
-KNOT, NAUTICAL_MILE = 1852 / 3600, 1852.0
 # Nearer to a pole, metres of longitude are too short for a plane.
 MAX_LATITUDE = 85.0
 # WGS84: half the equator's diameter in metres, and the square of the eccentricity.

@@ -22,6 +22,7 @@ import numpy as np
 from omegaconf import OmegaConf
 from yaml import YAMLError
 
+from ship_trl.config.bounds import KNOT, NAUTICAL_MILE
 from ship_trl.config.errors import ConfigError, print_error
 from ship_trl.config.paths import stem
 from ship_trl.config.schema import read_as
@@ -30,7 +31,7 @@ from ship_trl.files.disk import read_file
 from ship_trl.files.untrusted import read_yaml
 from ship_trl.formats.maritime_schema import is_situation, read_situation
 from ship_trl.formats.ntnu import is_scenario, read_scenario
-from ship_trl.formats.situation import KNOT, NAUTICAL_MILE, Ship, Situation
+from ship_trl.formats.situation import Ship, Situation
 from ship_trl.sim import cases
 from ship_trl.sim.cases import (
     MAX_TARGET_SHIPS,
@@ -297,6 +298,8 @@ def read_traffic(
     found = tracks.find_encounters(fixes, limits, reading.own, reading.ships)
     report.counts["pairs"] += found.pairs
     report.counts["encounters"] += found.encounters
+    if found.slow:
+        report.counts["whose own ship makes less than 3 knots"] += found.slow
     if found.turned:
         report.notes[f"{found.turned} of {found.ships} target ships turned more than 10 degrees"] += 1
     yield from found.situations

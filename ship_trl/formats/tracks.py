@@ -16,17 +16,10 @@ import torch
 from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
+from ship_trl.config.bounds import KNOT, NAUTICAL_MILE
 from ship_trl.config.types import OwnShip
 from ship_trl.formats.ais import Fixes
-from ship_trl.formats.situation import (
-    KNOT,
-    NAUTICAL_MILE,
-    Plane,
-    Ship,
-    Situation,
-    course_to,
-    metres_per_degree,
-)
+from ship_trl.formats.situation import Plane, Ship, Situation, course_to, metres_per_degree
 from ship_trl.sim.encounter import must_give_way
 from ship_trl.sim.geometry import predicted_approach
 
@@ -74,6 +67,8 @@ class Found:
     situations: list[Situation]
     pairs: int = 0
     encounters: int = 0
+    # Own ships that make less than 3 knots, whose encounters are left out.
+    slow: int = 0
     # Target ships, and those that turned more than 10 degrees.
     ships: int = 0
     turned: int = 0
@@ -153,11 +148,14 @@ def find_encounters(fixes: Fixes, limits: Limits, own: OwnShip, most_targets: in
         most_targets: target ships kept, the other ship first, then others, nearest first.
     """
     samples = resample(fixes, INSTANT)
-    found, seen, under_way = Found([]), [np.empty(0, np.int64)], set[int]()
+    found, seen = Found([]), [np.empty(0, np.int64)]
+    # Pairs whose encounter is not over, and when they were last near. Whom nobody sees near until after they
+    # were to meet can meet again.
+    under_way = dict[int, int]()
     paths = Paths(samples)
     bounds = np.flatnonzero(np.diff(samples.instant, prepend=-1, append=-1))
     for begin, end in pairwise(bounds):
-        one, two = near_pairs(samples, int(begin), int(end))
+        now, (one, two) = int(samples.instant[begin]), near_pairs(samples, int(begin), int(end))
         x, y, east, north = relative(samples, one, two)
         dcpa, tcpa = approach(x, y, east, north)
         moves = np.maximum(speeds(samples, one), speeds(samples, two)) >= LEAST_SPEED
@@ -167,14 +165,21 @@ def find_encounters(fixes: Fixes, limits: Limits, own: OwnShip, most_targets: in
         seen.append(pairs)
         if len(seen) > 200:
             seen = [np.unique(np.concatenate(seen))]
-        under_way.difference_update(pairs[is_over].tolist())
+        under_way = {pair: last for pair, last in under_way.items() if now - last <= limits.tcpa}
+        known = np.isin(pairs, [*under_way])
+        under_way |= dict.fromkeys(pairs[known].tolist(), now)
+        for pair in pairs[known & is_over].tolist():
+            del under_way[pair]
         for k in np.flatnonzero(begins):
             if (pair := int(pairs[k])) not in under_way:
-                under_way.add(pair)
+                under_way[pair] = now
                 found.encounters += 1
                 for mine, other in roles(samples, int(one[k]), int(two[k]), own):
+                    if speeds(samples, mine) < LEAST_SPEED:
+                        found.slow += 1
+                        continue
                     ships = nearest(samples, int(begin), int(end), mine, other, limits.window)[:most_targets]
-                    name = f"{written(samples.instant[begin])}-{len(found.situations) + 1}"
+                    name = f"{written(now)}-{len(found.situations) + 1}"
                     found.situations.append(paths.situation(name, mine, ships, limits.way))
     found.pairs = len(np.unique(np.concatenate(seen)))
     for situation in found.situations:
@@ -185,7 +190,7 @@ def find_encounters(fixes: Fixes, limits: Limits, own: OwnShip, most_targets: in
 
 def written(instant: int) -> str:
     """Return an instant as 20240304T101530Z."""
-    return datetime.fromtimestamp(int(instant), UTC).strftime("%Y%m%dT%H%M%SZ")
+    return datetime.fromtimestamp(instant, UTC).strftime("%Y%m%dT%H%M%SZ")
 
 
 def near_pairs(samples: Samples, begin: int, end: int) -> tuple[NDArray[Any], NDArray[Any]]:
@@ -223,13 +228,12 @@ def speeds(samples: Samples, row: Any) -> Any:
 
 
 def roles(samples: Samples, one: int, two: int, own: OwnShip) -> list[tuple[int, int]]:
-    """Return rows of own ship and of the other one; own ship makes at least 3 knots."""
+    """Return rows of own ship and of the other one."""
     both = [(one, two), (two, one)]
     asked = [must_give_way(*bearings(samples, mine, other)) for mine, other in both]
-    chosen = both
-    if own is not OwnShip.both and asked[0] != asked[1]:
-        chosen = [both[asked.index(own is OwnShip.gives_way)]]
-    return [(mine, other) for mine, other in chosen if speeds(samples, mine) >= LEAST_SPEED]
+    if own is OwnShip.both or asked[0] == asked[1]:
+        return both
+    return [both[asked.index(own is OwnShip.gives_way)]]
 
 
 def bearings(samples: Samples, mine: int, other: int) -> tuple[float, float]:

@@ -12,8 +12,9 @@ from datetime import UTC, datetime, timedelta
 import numpy as np
 from torch import Tensor
 
+from ship_trl.config.bounds import KNOT, NAUTICAL_MILE
 from ship_trl.config.types import Situations, World
-from ship_trl.formats.situation import KNOT, NAUTICAL_MILE, Plane, Ship, Situation, course_to
+from ship_trl.formats.situation import Plane, Ship, Situation, course_to
 from ship_trl.sim.cases import Case, Scale
 from ship_trl.sim.state import (
     HEADING,

@@ -15,6 +15,7 @@ from contextlib import suppress
 from dataclasses import asdict, dataclass, field
 from enum import StrEnum
 from functools import cache, cached_property
+from itertools import count
 from pathlib import Path
 from typing import Annotated, Any, NamedTuple
 
@@ -23,7 +24,7 @@ from omegaconf.errors import OmegaConfBaseException
 from pydantic import Field
 from yaml import YAMLError
 
-from ship_trl.config.bounds import MAX_DISTANCE, Metres
+from ship_trl.config.bounds import KNOT, MAX_DISTANCE, NAUTICAL_MILE, Metres
 from ship_trl.config.errors import ConfigError, explain, print_error
 from ship_trl.config.paths import conf_dir, conf_files, is_name, list_names, stem
 from ship_trl.config.schema import read_as, rule
@@ -142,8 +143,8 @@ class Scale:
 
     def describe(self, world: World) -> str:
         """Return the scale in words, in nautical miles and knots."""
-        knots = world.actions[world.straight_action][0] * self.speed * 3600 / 1852
-        miles, step = world.safe_distance * self.length / 1852, world.dt * self.time
+        knots = world.actions[world.straight_action][0] * self.speed / KNOT
+        miles, step = world.safe_distance * self.length / NAUTICAL_MILE, world.dt * self.time
         parts = (
             f"{world.safe_distance:g} m are {miles:.2f} NM",
             f"a step {step:.0f} s",
@@ -175,8 +176,11 @@ class Case:
         """Return a digest of what happens in the case, without its name: twelve hex digits."""
         values = asdict(self)
         del values["name"], values["scale"], values["track"]
-        # Left out at the default, so that older cases keep their fingerprints.
+        numbers = count()
         for ship in values["target_ships"]:
+            if "number" in ship:  # of its suite
+                ship["number"] = next(numbers)
+            # Left out at the default, so that older cases keep their fingerprints.
             if (behaviour := ship.pop("behaviour")) is not Behaviour.holds:
                 ship["behaviour"] = behaviour.name
         return hashlib.sha256(json.dumps(values, sort_keys=True).encode()).hexdigest()[:12]
@@ -251,8 +255,8 @@ class Suite:
 
     def whole_rounds(self, episodes: int) -> int:
         """Return the least number of episodes, at least `episodes`, that has each case equally often."""
-        count = max(1, len(self.cases))
-        return count * math.ceil(episodes / count)
+        cases = max(1, len(self.cases))
+        return cases * math.ceil(episodes / cases)
 
 
 def behaviour_of(number: float) -> Behaviour:

@@ -12,9 +12,9 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from ship_trl.config.bounds import KNOT
 from ship_trl.config.errors import ConfigError
 from ship_trl.formats.ais import Fixes, read_frame, read_nmea, read_table
-from ship_trl.formats.situation import KNOT
 from tests.formats.traffic import (
     CROSSING,
     START,

@@ -12,8 +12,9 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from ship_trl.config.bounds import KNOT
 from ship_trl.formats.maritime_schema import read_situation, write_situation
-from ship_trl.formats.situation import KNOT, Plane, Ship, Situation
+from ship_trl.formats.situation import Plane, Ship, Situation
 
 
 def ship(latitude: float, longitude: float, **initial: float) -> dict[str, Any]:

@@ -9,15 +9,15 @@ from typing import Any
 
 import pytest
 
+from ship_trl.config.bounds import KNOT, NAUTICAL_MILE
 from ship_trl.config.errors import ConfigError
 from ship_trl.config.types import OwnShip, Perturbation, Situations, Targets
-from ship_trl.formats.situation import KNOT, NAUTICAL_MILE
 from ship_trl.formats.suites import is_foreign, load_suite, read_cases
 from ship_trl.sim import cases
 from ship_trl.sim.cases import RecordedShip, load_world
 from tests.command import ship_trl
 from tests.formats.test_maritime_schema import path, ship, situation
-from tests.formats.traffic import CROSSING, make, write
+from tests.formats.traffic import CROSSING, HEAD_ON, SLOW_CROSSING, make, write
 
 WORLD = load_world()
 LENGTH = 0.3 * NAUTICAL_MILE / 45
@@ -116,6 +116,22 @@ def test_a_table_of_positions_is_a_suite_with_recorded_tracks(tmp_path: Path) ->
     (replayed,) = load_suite(name, WORLD, reading=Situations(targets=Targets.replay)).case.target_ships
     assert isinstance(replayed, RecordedShip) and len(replayed.path) == 39
     assert replayed.number == 0
+
+
+def test_a_recorded_scene_is_the_same_alone_and_in_a_folder(tmp_path: Path) -> None:
+    for name, tracks in (("a", CROSSING), ("b", HEAD_ON)):
+        write(tmp_path / f"{name}.csv", make(tracks), "danish")
+    reading = Situations(targets=Targets.replay)
+    folder, alone = (load_suite(str(tmp_path / name), WORLD, reading=reading) for name in ("", "b.csv"))
+    assert [case.fingerprint for case in alone.cases] == [case.fingerprint for case in folder.cases[1:]]
+    assert len({case.fingerprint for case in folder.cases}) == len(folder.cases) > 1
+
+
+def test_an_encounter_of_a_slow_own_ship_is_told(tmp_path: Path) -> None:
+    tracks = (*CROSSING, *(track._replace(y=track.y - 30_000) for track in SLOW_CROSSING))
+    report = read_cases(str(write(tmp_path / "day.csv", make(tracks), "danish")), WORLD)
+    line, _, _ = report.lines(WORLD)[-1].partition(";")
+    assert line == "2 pairs, 2 encounters, 1 whose own ship makes less than 3 knots, 1 scenes, 0 refused"
 
 
 def test_recorded_ships_are_not_perturbed(tmp_path: Path) -> None:

@@ -11,11 +11,21 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from ship_trl.config.bounds import KNOT
 from ship_trl.config.types import OwnShip
 from ship_trl.formats.ais import read_frame
-from ship_trl.formats.situation import KNOT
 from ship_trl.formats.tracks import Found, Limits, find_encounters, resample
-from tests.formats.traffic import CROSSING, HEAD_ON, LATITUDE, LONGITUDE, START, Track, danish, make
+from tests.formats.traffic import (
+    CROSSING,
+    HEAD_ON,
+    LATITUDE,
+    LONGITUDE,
+    SLOW_CROSSING,
+    START,
+    Track,
+    danish,
+    make,
+)
 
 # About what 0.3 nautical miles as 45 m make of the world's limits, at 12 knots.
 LIMITS = Limits(dcpa=741, tcpa=898, clear=1111, window=7902)
@@ -72,6 +82,19 @@ def test_nearness_alone_is_no_encounter(tracks: tuple[Track, ...]) -> None:
 
 def test_a_pair_is_one_encounter_however_long() -> None:
     assert find(make(HEAD_ON, minutes=40)).encounters == 1
+
+
+@pytest.mark.parametrize(("silence", "encounters"), [(400, 1), (3600, 2)])
+def test_a_pair_out_of_sight_for_long_can_meet_again(silence: int, encounters: int) -> None:
+    # The first time they are lost before they meet.
+    before, after = make(CROSSING, minutes=2), make(CROSSING, minutes=8)
+    found = find(pandas.concat((before, after.assign(time=after.time + 120 + silence))))
+    assert (found.pairs, found.encounters, len(found.situations)) == (1, encounters, encounters)
+
+
+def test_an_encounter_of_a_slow_own_ship_is_counted_and_left_out() -> None:
+    found = find(make(SLOW_CROSSING))
+    assert (found.encounters, found.slow, found.situations) == (1, 1, [])
 
 
 def test_no_place_is_made_up_across_a_gap() -> None:

@@ -9,7 +9,8 @@ from typing import NamedTuple
 
 import pandas
 
-from ship_trl.formats.situation import KNOT, metres_per_degree
+from ship_trl.config.bounds import KNOT
+from ship_trl.formats.situation import metres_per_degree
 
 # 1 June 2025, 00:00 UTC.
 START = 1_748_736_000
@@ -111,3 +112,5 @@ def write(path: Path, rows: pandas.DataFrame, table: str) -> Path:
 HEAD_ON = (Track(0, 0, 0, 12), Track(50, 7408, 180, 12))
 # The other ship comes from starboard.
 CROSSING = (Track(0, 0, 0, 12), Track(3704, 3704, 270, 12))
+# The same with a ship that makes 1 knot.
+SLOW_CROSSING = (Track(0, 0, 0, 1), Track(3704, 309, 270, 12))

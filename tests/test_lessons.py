@@ -13,7 +13,7 @@ from tests.forked import run_script
 LESSONS = sorted((ROOT / "examples/lessons").glob("*.py"))
 # What a test makes smaller in each, what it leaves in outputs/lessons, and what it prints.
 SMALLER = {
-    "1_ships": {'SUITE = "imazu"': 'SUITE = "paper"', "target=imazu18": "target=2", "640x360": "320x180"},
+    "1_ships": {'SUITE = "imazu"': 'SUITE = "paper"', "target=imazu18": "target=2"},
     "2_transfer": {"EPISODES = 200": "EPISODES = 3"},
     "3_own_encounter": {
         "EPISODES = 100": "EPISODES = 2",

@@ -243,7 +243,8 @@ def test_a_claim(tmp_path: Path) -> None:
             write_run(folder / "pairs", learning(rng, 60, end, half=5), arm=arm, seed=seed)
     tables = []
     for place in (ROOT, follow("claim", copy(tmp_path))):
-        python(place, tmp_path, "-m", "ship_trl", "study", "report", "study")
+        claims = str(place / "studies/paper/claims.py")
+        python(place, tmp_path, "-m", "ship_trl", "study", "report", "study", "--claims", claims)
         with (folder / "report/claims.csv").open() as lines:
             tables.append(list(csv.DictReader(lines)))
     (row,) = (row for row in tables[1] if row["claim"] == "E7")

@@ -334,7 +334,7 @@ def draw_layers(study: Study) -> Figure | None:
     axes, least = figure.subplots(1, max(3, len(known)), sharey=True), 0.0
     for axis, pair in zip(axes, known, strict=False):
         for compared, (words, look) in COMPARED.items():
-            rows = table[(table[["pair", "arm", "beside"]] == (pair, *compared)).all(axis=1)]
+            rows = table[(table[["pair", "arm", "beside"]] == [pair, *compared]).all(axis=1)]
             # The seeds that have all layers: [S, L].
             by_seed = rows.pivot(index="seed", columns="layer", values="cka").reindex(columns=layers)
             curves = by_seed.dropna().to_numpy()

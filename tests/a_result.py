@@ -24,7 +24,7 @@ def a_result(**changes: Any) -> RunRecord:
         "best_known_return": 80.0,
         "random_return": -320.0,
         "draws": [],
-        **{key: an_evaluation() for key in ("scratch", "before", "best", "final")},
+        **{key: an_evaluation() for key in ("untrained", "before", "best", "final")},
         "episodes": 50,
         "steps": 2000,
         "training_goal_rate": 0.5,

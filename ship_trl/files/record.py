@@ -24,8 +24,10 @@ if TYPE_CHECKING:
     import pandas as pd
 
 RESULT = "result.json"
-# Goes up when a key is renamed, changes its meaning, or is added without a default; others are refused.
+# Goes up when a key changes its meaning, or old files cannot be read; others are refused.
 SCHEMA_VERSION = 3
+# The key `untrained` in older files and kept tables.
+OLD_UNTRAINED = "scratch"
 # Returns and distances (m) are rounded as tables keep them: runs and their tables then give the same report.
 DECIMALS = {"return": 3, "dcpa": 1}
 # A source network's last path components, from its study's folder on; the ones above name a machine.
@@ -106,7 +108,7 @@ class RunRecord:
     """What a run did and reached, where it lies, and its learning curve; returns are of raw rewards.
 
     `config_hash` is a digest of the settings, `source_network` the source's weights. Evaluations are of an
-    untrained network (`scratch`), the network before training, and the kept networks (`best`, `final`).
+    untrained network (`untrained`), the network before training, and the kept networks (`best`, `final`).
     `draws` are returns before training with other draws of the fresh layers. `precision` and `backend` are
     those of the conv layers in training, `steps` environment steps. `teacher` is the network that was
     distilled, with the SHA-256 of its file. Rates are shares of training episodes. `best_known_return` is the
@@ -129,7 +131,7 @@ class RunRecord:
     config_hash: str
     source_network: str | None
     best_known_return: float | None
-    scratch: Evaluation
+    untrained: Evaluation
     before: Evaluation
     best: Evaluation
     final: Evaluation
@@ -264,6 +266,8 @@ def from_json(values: Any) -> RunRecord:
     try:
         # Where a run lies is not for its file to say.
         known = {key: value for key, value in values.items() if key in FIELDS}
+        if OLD_UNTRAINED in values:
+            known.setdefault("untrained", values[OLD_UNTRAINED])
         return read_as(RunRecord, known, from_json=True)
     except ConfigError as error:
         raise RunError(f"{RESULT} cannot be used: {error}") from None

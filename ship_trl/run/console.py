@@ -131,7 +131,7 @@ def show_result(result: RunRecord, title: str, folder: Path, is_course_best: boo
     """Print the end of a run: a table, its files, what to look at next, and whether nothing is avoided."""
     known, source, rows = result.best_known_return, result.on_source, []
     for name, row in (
-        ("scratch, untrained", result.scratch),
+        ("untrained", result.untrained),
         ("before training", result.before),
         ("best", result.best),
         ("final", result.final),

@@ -255,7 +255,7 @@ def make_result(run: Run, parts: Parts, known: float | None, seconds: float) -> 
         source_network=parts.origin,
         best_known_return=known,
         random_return=random_return(run.target, config.world, fast=config.fast),
-        scratch=to_evaluation(to_row(Evaluated(0, 0, parts.scratch))),
+        untrained=to_evaluation(to_row(Evaluated(0, 0, parts.untrained))),
         before=to_evaluation(history.evaluated[0]),
         best=to_evaluation(history.best),
         final=to_evaluation(history.evaluated[-1]),

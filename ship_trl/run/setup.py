@@ -45,10 +45,11 @@ class Parts:
     """The parts of a training that has not started, and what was measured before it.
 
     `eval_env` begins each greedy evaluation alike, `starts` draws how training episodes begin, `draw` maps
-    states to the network's input. `scratch` are the greedy episodes of the network before anything is copied,
-    `draws` are greedy returns over random draws of the layers that are not copied. `origin` names the copied
-    weights; None from scratch. `teacher` names a teacher and the digest of its file. `source_check` measures
-    returns on the source; None without one that can be measured. `fast` tells whether loops are compiled.
+    states to the network's input. `untrained` are the greedy episodes of the network before anything is
+    copied, `draws` are greedy returns over random draws of the layers that are not copied. `origin` names the
+    copied weights; None from scratch. `teacher` names a teacher and the digest of its file. `source_check`
+    measures returns on the source; None without one that can be measured. `fast` tells whether loops are
+    compiled.
     """
 
     training: Training
@@ -57,7 +58,7 @@ class Parts:
     starts: Generator
     draw: Draw
     history: History
-    scratch: list[Episode]
+    untrained: list[Episode]
     draws: list[float]
     origin: str | None
     teacher: str | None
@@ -108,12 +109,12 @@ def make_parts(run: Run, device: torch.device, source: Source | None) -> Parts:
     eval_env = make_run_env(run, run.target, device, starts=begun)
     draw, actions = eval_env.observer(config.network), len(world.actions)
     network = make_network(config.network, actions, streams["weights"], colour=config.colour).to(device)
-    scratch = rollout(eval_env, greedy_policy(network, draw))
+    untrained = rollout(eval_env, greedy_policy(network, draw))
     method = make_method(run.arm, config.transfer)
     if source is not None:
         if forms()[run.arm.method].uses_function:
             fixed = fixed_copy(network, source.weights)
-            method.attach(make_origin(run, fixed, eval_env, mean_return(scratch)))
+            method.attach(make_origin(run, fixed, eval_env, mean_return(untrained)))
         method.copy(network, source.weights)
     teacher = find_teacher(config)
     setup = Setup(
@@ -140,7 +141,7 @@ def make_parts(run: Run, device: torch.device, source: Source | None) -> Parts:
         eval_env=eval_env,
         starts=starts,
         draw=draw,
-        scratch=scratch,
+        untrained=untrained,
         draws=measure_jumpstart(run, algorithm, draw, eval_env),
         origin=None if source is None else source.origin,
         teacher=teacher.name if teacher else None,

@@ -130,12 +130,14 @@ def shared_settings(jobs: list[Job], config: StudyConfig, shared: Config) -> dic
     Raises:
         ConfigError: an arm has more layers than the network.
     """
-    most = max((job.values["layers"] for job in jobs if type(job.values.get("layers")) is int), default=0)
-    if most > shared.network.depth:
-        raise ConfigError(
-            f"overrides: network has {shared.network.depth} layers to copy, and arms have up to {most}; "
-            "allowed: arms=[...] with fewer layers"
-        )
+    depth = shared.network.depth
+    for job in jobs:
+        layers = job.values.get("layers")
+        if type(layers) is int and layers > depth:
+            least, most = (job.arm.replace(str(layers), str(number)) for number in (1, depth))
+            raise ConfigError(
+                f"arms: {job.arm} copies {layers} layers, the network has {depth}; allowed: {least} to {most}"
+            )
     learn = plain(shared.learn)
     # Backends give the same results, so a study may continue with another one.
     del learn["backend"]

@@ -81,7 +81,7 @@ def write_run(
         "episodes": len(totals),
         "best_known_return": BEST,
         "random_return": RANDOM,
-        "scratch": an_evaluation(RANDOM),
+        "untrained": an_evaluation(RANDOM),
         "before": an_evaluation(first),
     }
     a_result(**values | changes).write(place)

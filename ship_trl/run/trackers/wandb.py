@@ -135,7 +135,7 @@ class WandbTracker:
         pictures = {"greedy episode": wandb.Video(gif, format="gif"), "learning curve": wandb.Image(picture)}
         self._wandb.log({"episode": result.episodes} | pictures)
         values = result.to_json()
-        for key in ("scratch", "before", "best", "final"):
+        for key in ("untrained", "before", "best", "final"):
             self._wandb.summary.update({f"{key}/{name}": value for name, value in values[key].items()})
         self._wandb.summary.update({key: values[key] for key in ("best_known_return", "steps", "seconds")})
 

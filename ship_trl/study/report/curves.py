@@ -327,9 +327,9 @@ def steps(runs: Sequence[RunRecord]) -> tuple[np.ndarray, np.ndarray]:
 
 
 def draw_times(study: Study) -> Figure | None:
-    """Draw how many runs of each arm have reached the threshold over time; None without runs."""
+    """Draw how many runs of each arm have reached the threshold over time; None if no run ever does."""
     sections = grouped_sections(study)
-    if not sections:
+    if not sections or not any(map(has_reached, study.records.values())):
         return None
     label = f"share of the episodes until the moving score is at {THRESHOLDS[0]:g}"
     figure, drawn = lay_out(sections, COLUMNS, {"share of the runs": HEIGHT}, label)

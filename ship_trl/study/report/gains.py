@@ -311,7 +311,7 @@ def draw_effects(study: Study) -> Figure | None:
     for axis, (name, gains) in zip(axes, panels.items(), strict=True):
         axis.set(xlim=(low - room, high + room), ylim=(len(gains) - 0.4, -0.6))
         draw_rows(axis, Forest(pair_title(study, name), gains, {}), [*gains], None)
-    axes[-1].set_xlabel(f"{RETURN} above scratch        {BETTER}")
+    axes[-1].set_xlabel(f"{RETURN} above scratch (points of reward)    {BETTER}")
     return figure
 
 

@@ -24,6 +24,7 @@ from ship_trl.study.metrics import LATER, THRESHOLDS
 from ship_trl.study.report import curves, gains, opening, tables
 from ship_trl.study.report.style import REPORT, WIDTH, save
 from ship_trl.study.study import Study, finished_study, pairs
+from ship_trl.study.tables import has_tables
 
 # Shares of the time that pass until runs are read, claims are judged and tables are written; then figures.
 READ, JUDGED, TABLES = 0.1, 0.2, 0.5
@@ -102,10 +103,11 @@ def write(study: Study, folder: Path, output: Path, missing: int, show: Show) ->
         reached=reached,
         outcomes=opening.OUTCOMES,
         facts=facts,
-        command=command("study", "run", *study.plan.words) if study.plan.words else "",
+        command=again(study, folder),
         is_judged=study.claims.judge is not None,
         arms=arms,
         has_forgetting=any("forgetting" in row for row in arms),
+        is_never=bool(arms) and all(row["reached"] == 0 for row in arms),
         similar=rows["table_2"],
         missing=missing,
         pictures=draw_all(study, output, lambda share: show(TABLES + (1 - TABLES) * share)),
@@ -127,6 +129,15 @@ def write(study: Study, folder: Path, output: Path, missing: int, show: Show) ->
             draft.write_text(content)
     told = [] if study.claims.judge else headlines[: opening.MANY]
     return [*judged.lines, *told, *([f"{missing} planned runs are missing"] if missing else [])]
+
+
+def again(study: Study, folder: Path) -> str:
+    """Return the command that runs the same study below outputs/; empty where the plan keeps no words."""
+    if not study.plan.words:
+        return ""
+    # Tables stay as they are: no study goes on among them.
+    name = folder.resolve().name + ("_again" if has_tables(folder) else "")
+    return command("study", "run", *study.plan.words, f"output=outputs/{name}")
 
 
 # Names of figures. Files of an earlier report with these names are removed unless they are drawn again.

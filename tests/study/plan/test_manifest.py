@@ -68,7 +68,7 @@ def test_damaged_seeds_are_refused_and_do_not_become_one_look(judged: object, tm
 
 def test_arms_of_more_layers_than_the_network_has_are_refused(tmp_path: Path) -> None:
     small = "overrides=['network.conv=[[8,8,4],[8,4,2],[20,9,1]]']"
-    with pytest.raises(ConfigError, match="network has 3 layers to copy, and arms have up to 4"):
+    with pytest.raises(ConfigError, match="arms: FE4 copies 4 layers, the network has 3; allowed: FE1"):
         begin(tmp_path, small, "arms=[scratch,FE4]")
     assert not list(tmp_path.iterdir())
     begin(tmp_path, small, "arms=[scratch,FE3]")

@@ -51,7 +51,7 @@ def test_a_curve_may_have_no_epsilon_but_not_lack_one(tmp_path: Path, rows: slic
         ({"arm": "FE3-demonstrations"}, "result.json: 'FE3-demonstrations' names no arm"),
         ({"random_return": None}, "random_return: must be a valid number, got null"),
         ({"random_return": 100.0}, "the best known return is not above the random one"),
-        ({"scratch": {}}, "scratch.return: missing"),
+        ({"untrained": {}}, "untrained.return: missing"),
         ({"draws": [1.0, None]}, r"draws\[1\]: must be a valid number, got null"),
     ],
 )
@@ -61,6 +61,15 @@ def test_results_that_make_no_sense_are_named(tmp_path: Path, changes: dict[str,
     (place / "result.json").write_text(json.dumps(result | changes))
     with pytest.raises(RunError, match=said):
         read_whole(place)
+
+
+def test_the_untrained_network_is_found_under_its_old_name_too(tmp_path: Path) -> None:
+    place = write_run(tmp_path, learning(np.random.default_rng(0), 50))
+    result = json.loads((place / "result.json").read_text())
+    before = read_whole(place).untrained
+    result["scratch"] = result.pop("untrained")
+    (place / "result.json").write_text(json.dumps(result))
+    assert read_whole(place).untrained == before
 
 
 def test_runs_are_found_with_their_part_and_the_case_base_is_not_one(tmp_path: Path) -> None:

@@ -153,6 +153,7 @@ def test_runs_that_never_get_there_keep_the_share_below_one() -> None:
 
 
 def test_the_panel_says_how_many_of_how_many() -> None:
+    assert draw_times(reaching([None, None])) is None
     figure = draw_times(reaching([10, None, 50]))
     assert figure is not None
     assert named(figure.axes[0]) == ["FE1 2/3"]

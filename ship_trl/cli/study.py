@@ -19,7 +19,7 @@ from pathlib import Path
 
 from ship_trl.cli.errors import refusals
 from ship_trl.cli.parser import make_parser
-from ship_trl.config.errors import ConfigError, command, print_error
+from ship_trl.config.errors import ConfigError, command, counted, print_error
 from ship_trl.config.paths import conf_dir
 from ship_trl.run.console import say, show
 from ship_trl.run.process import exit_at_sigterm
@@ -191,9 +191,9 @@ def keep_tables(options: Namespace) -> None:
         runs, others = restore(origin, goal)
         seeds = " ".join(map(str, others))
         left = f"; not complete, to be trained again: seeds {seeds}" if others else ""
-        sys.stdout.write(f"{runs} runs{left}; {goal}\n")
+        sys.stdout.write(f"{counted(runs, 'run')}{left}; {goal}\n")
         return
     whole, broken = write_tables(origin, goal)
     size = sum((goal / name).stat().st_size for name in (RUNS, CURVES))
     left = f", {broken} left out" if broken else ""
-    sys.stdout.write(f"{whole} runs{left}; {size / whole / 1000:.1f} kB a run in {goal}\n")
+    sys.stdout.write(f"{counted(whole, 'run')}{left}; {size / whole / 1000:.1f} kB a run in {goal}\n")

@@ -61,6 +61,11 @@ def print_error(line: str) -> None:
     print(f"ship_trl: {one_line(line)}", file=sys.stderr)
 
 
+def counted(items: int, noun: str) -> str:
+    """Write a count: "no seeds", "1 seed", "2 seeds"."""
+    return f"{items or 'no'} {noun}{'' if items == 1 else 's'}"
+
+
 def command(*words: str | Path) -> str:
     """Return the line of a shell that runs `python -m ship_trl` with the words; no path looks like a flag."""
     safe = (

@@ -25,6 +25,7 @@ from matplotlib.image import AxesImage
 from matplotlib.typing import RcKeyType
 from torch import Generator, Tensor
 
+from ship_trl.config.errors import counted
 from ship_trl.explain.measure import OTHER_SEEDS, PAIRS, PIXELS, Measured, measure
 from ship_trl.explain.networks import Role, add_controls, find_origin, load_networks
 from ship_trl.explain.saliency import erase_things, gradient, greedy_actions, occlusion
@@ -79,7 +80,7 @@ def write(entries: list[Entry], output: Path, episodes: int, seed: int, command:
     first = dataclasses.replace(entries[0], colour=network.colour)
     # Fail before the long computation if the folder cannot be written.
     output.mkdir(parents=True, exist_ok=True)
-    log(f"case {first.suite.case.name}: {len(named)} networks, {name} is explained")
+    log(f"case {first.suite.case.name}: {counted(len(named), 'network')}, {name} is explained")
     origin = find_origin(first, name)
     # One random stream for each purpose.
     state_draws, weight_draws = (Generator().manual_seed(seed + k) for k in range(2))

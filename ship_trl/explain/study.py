@@ -12,7 +12,7 @@ from collections import defaultdict
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from ship_trl.config.errors import ConfigError
+from ship_trl.config.errors import ConfigError, counted
 from ship_trl.config.paths import is_name
 from ship_trl.files.curve import RunError
 from ship_trl.files.record import read_run
@@ -80,7 +80,7 @@ def add_seeds(folder: Path, path: Path) -> None:
         sys.stdout.flush()
     if not done:
         raise ConfigError(f"folder: {folder} has no seed with the networks of all arms of the pairs")
-    sys.stdout.write(f"{len(done)} seeds; {path}\n")
+    sys.stdout.write(f"{counted(len(done), 'seed')}; {path}\n")
 
 
 def compare_pair(seed: int, pair: str, runs: Runs, other_seed: Path | None) -> list[Layer]:

@@ -23,7 +23,7 @@ from omegaconf import OmegaConf
 from yaml import YAMLError
 
 from ship_trl.config.bounds import KNOT, NAUTICAL_MILE
-from ship_trl.config.errors import ConfigError, print_error
+from ship_trl.config.errors import ConfigError, counted, print_error
 from ship_trl.config.paths import stem
 from ship_trl.config.schema import read_as
 from ship_trl.config.types import Perturbation, Situations, Targets, Traffic, World, plain
@@ -97,8 +97,11 @@ class Report:
         """Return the notes, and one closing line."""
         lines = [note if times == 1 else f"{note} ({times} times)" for note, times in self.notes.items()]
         reasons = "; ".join(self.refused[:MAX_REASONS]) + "; ..." * (len(self.refused) > MAX_REASONS)
-        found = "".join(f"{number} {what}, " for what, number in self.counts.items())
-        counts = f"{found}{len(self.cases)} scenes, {len(self.refused)} refused"
+        found = "".join(
+            f"{counted(number, what) if what.isalpha() else f'{number} {what}'}, "
+            for what, number in self.counts.items()
+        )
+        counts = f"{found}{counted(len(self.cases), 'scene')}, {len(self.refused)} refused"
         first = (
             f"; the first: {scale.describe(world)}" if self.cases and (scale := self.cases[0].scale) else ""
         )
@@ -296,8 +299,8 @@ def read_traffic(
     # Where the scores of the rules take an encounter to begin and to end.
     limits = tracks.Limits(safe * ONSET, time * ONSET_TIME, safe * CLEAR, length * WINDOW, way * length)
     found = tracks.find_encounters(fixes, limits, reading.own, reading.ships)
-    report.counts["pairs"] += found.pairs
-    report.counts["encounters"] += found.encounters
+    report.counts["pair"] += found.pairs
+    report.counts["encounter"] += found.encounters
     if found.slow:
         report.counts["whose own ship makes less than 3 knots"] += found.slow
     if found.turned:

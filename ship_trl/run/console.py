@@ -23,7 +23,7 @@ from rich.progress import (
 )
 from rich.table import Column, Table
 
-from ship_trl.config.errors import command, escape, one_line
+from ship_trl.config.errors import command, counted, escape, one_line
 from ship_trl.files.curve import Row
 from ship_trl.sim.cases import describe
 
@@ -149,7 +149,7 @@ def show_result(result: RunRecord, title: str, folder: Path, is_course_best: boo
         case = describe(str(result.source))
         say(f"Forgetting on {case}: {source.network:.1f} before, {source.final:.1f} after")
     say(
-        f"{result.episodes} episodes, {result.steps} steps, {result.seconds:.0f} s; "
+        f"{counted(result.episodes, 'episode')}, {counted(result.steps, 'step')}, {result.seconds:.0f} s; "
         f"goal in {result.training_goal_rate:.0%} of the training episodes, "
         f"collision in {result.training_collision_rate:.0%}"
     )

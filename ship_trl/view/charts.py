@@ -14,6 +14,7 @@ from matplotlib.figure import Figure, SubFigure
 from matplotlib.patches import Circle
 from numpy.typing import NDArray
 
+from ship_trl.config.errors import counted
 from ship_trl.config.types import World
 from ship_trl.files.curve import COLUMNS as CURVE_COLUMNS
 from ship_trl.files.curve import Row, moving_mean
@@ -38,7 +39,6 @@ from ship_trl.view.style import (
     arm_in,
     arm_styles,
     circle_names,
-    counted,
     look_of,
     number,
     save_figure,

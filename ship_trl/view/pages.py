@@ -12,6 +12,7 @@ import pygame
 import torch
 from torch import Tensor
 
+from ship_trl.config.errors import counted
 from ship_trl.config.types import World
 from ship_trl.learn.rollout import Episode
 from ship_trl.sim import scene
@@ -27,7 +28,7 @@ from ship_trl.sim.state import (
 from ship_trl.view import pen
 from ship_trl.view.episode import measure_episode
 from ship_trl.view.painter import Projection, hull_length, paint_scene, still
-from ship_trl.view.style import BACKGROUND, FAINT, OUTCOMES, TEXT, YELLOW, Colour, circle_names, counted
+from ship_trl.view.style import BACKGROUND, FAINT, OUTCOMES, TEXT, YELLOW, Colour, circle_names
 
 # Pixels around and between pictures, and of the sides of pictures.
 MARGIN, GAP = 16, 12

@@ -139,11 +139,6 @@ def number(value: float, form: str) -> str:
     return format(value, f"z{form}").replace("-", "\N{MINUS SIGN}")
 
 
-def counted(items: int, noun: str) -> str:
-    """Write a count: "no seeds", "1 seed", "2 seeds"."""
-    return f"{items or 'no'} {noun}{'' if items == 1 else 's'}"
-
-
 def action_text(world: World, action: int) -> str:
     """Write the speed of an action, and its turn as an arrow with its size."""
     speed, turn = world.actions[action]

@@ -34,5 +34,5 @@ def test_a_traffic_situation_can_be_played(tmp_path: Path) -> None:
     (tmp_path / "mine.json").write_text(SITUATION)
     first = f"import os\nfor name in {SCREENS}: os.environ.pop(name, None)"
     done = ship_trl("target=mine.json", folder=tmp_path, verb="play", code=1, first=first)
-    assert done.stderr.startswith("ship_trl: mine.json: 1 scenes, 0 refused; the first: 45 m are 0.30 NM")
+    assert done.stderr.startswith("ship_trl: mine.json: 1 scene, 0 refused; the first: 45 m are 0.30 NM")
     assert f"\nship_trl: {NO_SCREEN}; " in done.stderr

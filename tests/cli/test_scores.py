@@ -2,12 +2,13 @@
 
 from dataclasses import replace
 
-from ship_trl.cli.evaluate import SCORES, Scored
+from ship_trl.cli.evaluate import GOOD_SCORES, RULE_SCORES, SCORES, Scored
 from ship_trl.config.types import World
 from ship_trl.policies.named import rollout_entry
 from ship_trl.policies.registry import Entry, split_suites
 from ship_trl.sim.cases import load_suite
 from ship_trl.sim.state import first_case
+from tests.command import ROOT
 
 
 def evaluated(world: World, suite: str, episodes: int | None = None) -> Scored:
@@ -25,6 +26,19 @@ def test_scenes_have_the_names_of_their_cases(world: World) -> None:
         case = first_case(traffic.entry.suite, episode.states[0])
         assert entry.suite.case == replace(case, name=entry.suite.name)
     assert [traffic.scene_name(row) for row in range(3)] == [f"seed {seed}" for seed in range(3)]
+
+
+def test_good_scores_are_those_of_the_page() -> None:
+    table = (ROOT / "docs/encounters.md").read_text().partition("### imazu")[2].partition("###")[0]
+    rows = [line.strip("| ").split(" | ") for line in table.splitlines() if line.startswith("| ")]
+    of = {row[0]: dict(zip(rows[0], row, strict=True)) for row in rows[2:]}
+
+    def best(*policies: str) -> str:
+        *others, last = (max(of[policy][rule] for policy in policies) for rule in RULE_SCORES)
+        return f"{min(others)} to {max(others)} (R17: {last})"
+
+    planners, networks = best("vo", "sb_mpc", "apf"), best("pretrained:traffic", "pretrained:traffic_pixels")
+    assert f"in imazu planners have up to {planners}, networks up to {networks}" == GOOD_SCORES
 
 
 def test_every_row_has_the_cells_of_the_headings(world: World) -> None:

@@ -110,7 +110,7 @@ def test_a_table_of_positions_is_a_suite_with_recorded_tracks(tmp_path: Path) ->
     name = str(write(tmp_path / "day.csv", make(CROSSING), "danish"))
     report = read_cases(name, WORLD)
     (case,) = report.cases
-    assert report.lines(WORLD)[-1].partition(";")[0] == "1 pairs, 1 encounters, 1 scenes, 0 refused"
+    assert report.lines(WORLD)[-1].partition(";")[0] == "1 pair, 1 encounter, 1 scene, 0 refused"
     # 1,200 s of track at just above 30 s a step.
     assert len(case.track) == 39 and case.track[0] == pytest.approx((0, 15), abs=0.1)
     (replayed,) = load_suite(name, WORLD, reading=Situations(targets=Targets.replay)).case.target_ships
@@ -131,7 +131,7 @@ def test_an_encounter_of_a_slow_own_ship_is_told(tmp_path: Path) -> None:
     tracks = (*CROSSING, *(track._replace(y=track.y - 30_000) for track in SLOW_CROSSING))
     report = read_cases(str(write(tmp_path / "day.csv", make(tracks), "danish")), WORLD)
     line, _, _ = report.lines(WORLD)[-1].partition(";")
-    assert line == "2 pairs, 2 encounters, 1 whose own ship makes less than 3 knots, 1 scenes, 0 refused"
+    assert line == "2 pairs, 2 encounters, 1 whose own ship makes less than 3 knots, 1 scene, 0 refused"
 
 
 def test_recorded_ships_are_not_perturbed(tmp_path: Path) -> None:

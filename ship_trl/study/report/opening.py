@@ -8,6 +8,7 @@ from typing import Any
 
 import numpy as np
 
+from ship_trl.config.errors import counted
 from ship_trl.files.record import RunRecord
 from ship_trl.run.plan import flatten
 from ship_trl.study.compare import MIN_SEEDS
@@ -75,7 +76,7 @@ class Reached:
         found = self.differences[RETURN]
         verdict = "better" if found.low > 0 else "worse" if found.high < 0 else "no difference shown"
         return (
-            f"{self.arm} against scratch, {self.cases}, {found.seeds} seeds: {RETURN} "
+            f"{self.arm} against scratch, {self.cases}, {counted(found.seeds, 'seed')}: {RETURN} "
             f"{self.difference(RETURN)}, success {self.difference(SUCCESS)} points; "
             f"{verdict if found.seeds >= MIN_SEEDS else 'too few seeds to tell'}"
         )

@@ -15,7 +15,7 @@ import jinja2
 import matplotlib
 from matplotlib.figure import Figure
 
-from ship_trl.config.errors import ConfigError, command
+from ship_trl.config.errors import ConfigError, command, counted
 from ship_trl.files.disk import atomic_write
 from ship_trl.run.console import Show, show_share
 from ship_trl.study.claims import NO_CLAIMS, Verdicts, load_claims
@@ -50,7 +50,9 @@ def report(folder: Path, output: Path, seeds: int | None = None, claims: Path | 
             raise ConfigError(f"output: {error.filename} cannot be written: {error.strerror}") from None
     # Figures hold reference cycles, 8 MB a report.
     gc.collect()
-    lines.append(f"{len(study.records)} runs, {len(study.broken)} left out; {output / 'index.html'}")
+    lines.append(
+        f"{counted(len(study.records), 'run')}, {len(study.broken)} left out; {output / 'index.html'}"
+    )
     sys.stdout.write("".join(f"{line}\n" for line in lines))
 
 
@@ -95,7 +97,7 @@ def write(study: Study, folder: Path, output: Path, missing: int, show: Show) ->
         trim_blocks=True,
         lstrip_blocks=True,
     )
-    environment.filters["isfinite"] = isfinite
+    environment.filters |= {"isfinite": isfinite, "counted": counted}
     text = environment.get_template(page.name).render(
         judged.shown,
         title=opening.title_of(study),
@@ -128,7 +130,7 @@ def write(study: Study, folder: Path, output: Path, missing: int, show: Show) ->
         with atomic_write(output / name) as draft:
             draft.write_text(content)
     told = [] if study.claims.judge else headlines[: opening.MANY]
-    return [*judged.lines, *told, *([f"{missing} planned runs are missing"] if missing else [])]
+    return [*judged.lines, *told, *([f"missing: {counted(missing, 'planned run')}"] if missing else [])]
 
 
 def again(study: Study, folder: Path) -> str:

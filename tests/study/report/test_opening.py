@@ -94,7 +94,7 @@ def test_a_study_of_ones_own_opens_with_its_question_and_no_claims(
     headline = re.search(r"<li>(FT3 against scratch, case 1 to case mine, 5 seeds: .*; better)</li>", body)
     assert headline and f"{headline[1]}\n" in capsys.readouterr().out
     # Not all has run, and that stands at the top; what was run, and by which command, at the end.
-    assert body.index("2 planned runs are missing") < body.index("Outcomes by arm")
+    assert body.index("Missing: 2 planned runs") < body.index("Outcomes by arm")
     again = f"python -m ship_trl study run &#39;pairs=[harbour]&#39; output=outputs/{tmp_path.name}</pre>"
     assert again in body and "has reached 0.65" not in body
     assert "<th>learn.lr</th><td>0.5</td>" in body and "mine (ab12)" in body

@@ -211,10 +211,8 @@ def test_what_is_broken_is_named_and_the_next_look_is_not_judged(odd: Reported) 
     assert odd.err.count("left out") == 3 and "11 runs, 3 left out" in odd.out
     assert "pairs_old is no part of a study" in odd.err
     # A seventh seed of each of two arms; what is broken is named, not missing.
-    assert (
-        "2 planned runs are missing" in odd.read("index.html") and odd.read("index.html").count("<li>") == 3
-    )
-    assert "2 planned runs are missing" in odd.out
+    assert "Missing: 2 planned runs" in odd.read("index.html") and odd.read("index.html").count("<li>") == 3
+    assert "missing: 2 planned runs" in odd.out
     assert "the look after 5 seeds; figures and arms.csv have 1 more" in odd.out
     assert {row["seeds"] for row in odd.rows("claims") if row["contrast"]} == {"5"}
 

@@ -158,22 +158,17 @@ def of_arms(study: Study) -> list[str]:
     time = pd.concat(every(pair, "sooner than scratch (time)") for pair in PAIRS)
     share = area["value"] / [gains[PAIRS[name.split()[0]]]["area"] for name in area.index]
     parts = area[~area.index.str.endswith("FTW")]
-    whole = ", ".join(f"{100 * share[f'{pair} FTW']:.0f}" for pair in PAIRS)
     above, below = (area["low"] > 0).sum(), (area["high"] < 0).sum()
     return [
         *(
             f"| could be gained: {metric} | {' | '.join(f'{gains[case][metric]:.3f}' for case in '246')} |"
             for metric in ("area", "time", "asymptote")
         ),
-        f"Of the pairs' {len(area)} arms {WORDS[(share >= 0.5).sum()]} gains half of it in area;",
-        f"the most is {100 * share.max():.0f} % ({share.idxmax()}).",
-        "FE3 gains {:.0f} % of what could be gained in high, {:.0f} % in low, {:.0f} % in lowest".format(
-            *(100 * share[f"{pair} FE3"] for pair in PAIRS)
-        ),
+        f"No other of the {len(area)} arms gains more than {100 * share.max():.0f} %.",
+        *(row_of(arm, [f"{100 * share[f'{pair} {arm}']:.0f} %" for pair in PAIRS]) for arm in ("FTW", "FE3")),
         f"In {WORDS[(time['low'] > 0).sum()]} of {len(time)} arms:",
         f"{above} of {len(area)} arms of the pairs gain area, {below} lose",
-        f"{(parts['low'] > 0).sum()} of {len(parts)} arms of parts gain in training returns.",
-        f"In area FTW gains {' and '.join(whole.rsplit(', ', 1))} % of it,",
+        f"of parts, {(parts['low'] > 0).sum()} of {len(parts)} gain.",
     ]
 
 
@@ -186,7 +181,7 @@ def of_forests(study: Study) -> list[str]:
     )
     questions = [f"{pair}: FTW above {arm} (greedy area)" for pair in PAIRS for arm in ARMS[:-1]]
     beaten = sum(one.low > 0 for one in answers(study, questions, SEEN))
-    whose = "Its interval alone lies" if alone == {"FTW"} else "Not its interval alone lies"
+    whose = "Only its interval lies" if alone == {"FTW"} else "Not only its interval lies"
     return [
         row_of(
             "the whole network (FTW)", "first, pixels", [f"{share:.0f} %" for share in whole_shares(study)]

@@ -300,7 +300,7 @@ def draw_differences(study: Study) -> Figure | None:
     }
     if not any(len(curves) for _, curves in found.values()):
         return None
-    figure, drawn = lay_out(sections, COLUMNS, {"above scratch": HEIGHT}, "training episodes")
+    figure, drawn = lay_out(sections, COLUMNS, {"score above scratch": HEIGHT}, "training episodes")
     for section in drawn:
         # The range of a section holds zero.
         ranges = [(0.0, 0.0)]

@@ -18,8 +18,12 @@ ONE, MANY, GAP, ACTIONS, LINE = 34, 40, 8, 3.2, 1.5
 
 
 def draw_maps(surface: pygame.Surface, views: Sequence[EpisodeView], position: float) -> None:
-    """Fill a surface with a map of each episode at a position in steps; below a single one are actions."""
+    """Fill a surface with a map of each episode at a position in steps; below a single one are actions.
+
+    Several episodes of one case have the names of their policies, and one scale.
+    """
     (width, height), count = surface.get_size(), len(views)
+    is_compared = count > 1 and len({view.case.name for view in views}) == 1
     size = width // (ONE if count == 1 else MANY)
     below = round(size * (LINE + (ACTIONS if count == 1 else 1.3 * LINE)))
 
@@ -36,7 +40,8 @@ def draw_maps(surface: pygame.Surface, views: Sequence[EpisodeView], position: f
         left = round((k % columns + 0.5) * width / columns - side / 2)
         place = pygame.Rect(left, k // columns * (side + below + GAP) + GAP // 2, side, side)
         ways = [scene.OWN, *[scene.TARGET] * numbers.ships.shape[1]]
-        paint_scene(surface.subsurface(place), numbers, position, map_frame([numbers], side), ways=ways)
+        frame = map_frame([one.telemetry for one in views] if is_compared else [numbers], side)
+        paint_scene(surface.subsurface(place), numbers, position, frame, ways=ways)
         room = pygame.Rect(left, place.bottom + 0.3 * size, side, below)
         words = [(TEXT, f"case {view.case.name}")] if count == 1 else []
         least = float(numbers.closest[step].min(initial=math.inf))
@@ -46,7 +51,8 @@ def draw_maps(surface: pygame.Surface, views: Sequence[EpisodeView], position: f
         if position >= numbers.steps and numbers.outcome is not None:
             words.append((OUTCOMES[numbers.outcome], numbers.outcome))
         if count > 1:
-            pen.write(surface, view.case.name, (left, room.top + 0.95 * size), TEXT, size)
+            name = pen.cut(view.title if is_compared else view.case.name, side, size)
+            pen.write(surface, name, (left, room.top + 0.95 * size), TEXT, size)
             room.top += round(LINE * size)
         bottom = pen.flow(surface, words, room, size)
         if count == 1:

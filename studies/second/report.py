@@ -46,7 +46,8 @@ METRICS = {
     "replayed": "its actions replayed",
     "traffic": "traffic_test",
 }
-COLOURS = {MORE: "#0072B2", LESS: "#D55E00", EQUAL: "#009E73", OPEN: "#6b7280"}
+# Each arm has its colour, each answer its mark.
+MARKS = {MORE: ">", LESS: "<", EQUAL: "s", OPEN: "o"}
 # Simulated studies of a row of the power, and their seed.
 DRAWS, SEED = 2000, 2022
 
@@ -143,7 +144,7 @@ def draw(path: Path, found: pd.DataFrame) -> None:
     """Write a PNG: each arm's gain as a share of the possible gain, a panel for each pair."""
     from matplotlib.figure import Figure
 
-    from ship_trl.view.style import save_figure
+    from ship_trl.view.style import GREY, look_of, save_figure
 
     shown = found[found["question"].isin((1, 3)) & found["what"].str.endswith("less scratch")]
     wheres = shown["where"].unique()
@@ -151,21 +152,24 @@ def draw(path: Path, found: pd.DataFrame) -> None:
     panels = figure.subplots(1, len(wheres), sharex=True, squeeze=False)[0]
     for axes, where in zip(panels, wheres, strict=True):
         own = shown[shown["where"] == where].to_dict("records")
+        names = [one["what"].removesuffix(" less scratch") for one in own]
         axes.axvspan(-MARGIN, MARGIN, color="#eef0f3", zorder=0)
         for at in (0.0, 1.0):
             axes.axvline(at, color="#6b7280", linewidth=0.8)
         for row, one in enumerate(own):
             low, value, high = (one[name] / one["possible_gain"] for name in ("low", "value", "high"))
-            colour = COLOURS[one["verdict"]]
+            colour, verdict = look_of(names[row])["color"], one["verdict"]
+            face = "white" if verdict == OPEN else colour
             axes.plot((low, high), (row, row), color=colour, linewidth=2)
-            axes.plot(value, row, "o", color=colour, markersize=6)
-        names = [one["what"].removesuffix(" less scratch") for one in own]
+            axes.plot(value, row, MARKS[verdict], color=colour, markersize=7, markerfacecolor=face)
         axes.set_yticks(range(len(own)), names, fontsize=10)
         axes.set_ylim(len(own) - 0.5, -0.5)
         axes.set_title(where, fontsize=11, loc="left")
+        axes.set_xlabel("better \N{RIGHTWARDS ARROW}", fontsize=9, loc="right")
         axes.tick_params(axis="x", labelsize=9)
     handles = [
-        panels[0].plot([], [], "o-", color=colour, label=verdict)[0] for verdict, colour in COLOURS.items()
+        panels[0].plot([], [], mark, color=GREY, label=verdict, mfc="white" if verdict == OPEN else GREY)[0]
+        for verdict, mark in MARKS.items()
     ]
     figure.legend(handles=handles, loc="outside upper right", ncols=len(handles), fontsize=9, frameon=False)
     figure.supxlabel(

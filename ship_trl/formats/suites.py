@@ -97,10 +97,7 @@ class Report:
         """Return the notes, and one closing line."""
         lines = [note if times == 1 else f"{note} ({times} times)" for note, times in self.notes.items()]
         reasons = "; ".join(self.refused[:MAX_REASONS]) + "; ..." * (len(self.refused) > MAX_REASONS)
-        found = "".join(
-            f"{counted(number, what) if what.isalpha() else f'{number} {what}'}, "
-            for what, number in self.counts.items()
-        )
+        found = "".join(f"{n} {what}{'s' * (n != 1 and what.isalpha())}, " for what, n in self.counts.items())
         counts = f"{found}{counted(len(self.cases), 'scene')}, {len(self.refused)} refused"
         first = (
             f"; the first: {scale.describe(world)}" if self.cases and (scale := self.cases[0].scale) else ""

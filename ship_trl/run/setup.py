@@ -45,11 +45,10 @@ class Parts:
     """The parts of a training that has not started, and what was measured before it.
 
     `eval_env` begins each greedy evaluation alike, `starts` draws how training episodes begin, `draw` maps
-    states to the network's input. `untrained` are the greedy episodes of the network before anything is
-    copied, `draws` are greedy returns over random draws of the layers that are not copied. `origin` names the
-    copied weights; None from scratch. `teacher` names a teacher and the digest of its file. `source_check`
-    measures returns on the source; None without one that can be measured. `fast` tells whether loops are
-    compiled.
+    states to the network's input. `untrained` are greedy episodes of the network before anything is copied,
+    `draws` are greedy returns over random draws of the layers that are not copied. `origin` names the copied
+    weights; None from scratch. `teacher` names a teacher and the digest of its file. `source_check` measures
+    returns on the source; None without one that can be measured. `fast` tells whether loops are compiled.
     """
 
     training: Training

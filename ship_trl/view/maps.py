@@ -18,11 +18,9 @@ ONE, MANY, GAP, ACTIONS, LINE = 34, 40, 8, 3.2, 1.5
 
 
 def draw_maps(surface: pygame.Surface, views: Sequence[EpisodeView], position: float) -> None:
-    """Fill a surface with a map of each episode at a position in steps; below a single one are actions.
-
-    Several episodes of one case have the names of their policies, and one scale.
-    """
+    """Fill a surface with a map of each episode at a position in steps; below a single one are actions."""
     (width, height), count = surface.get_size(), len(views)
+    # Policies of one case have their own names, and one scale.
     is_compared = count > 1 and len({view.case.name for view in views}) == 1
     size = width // (ONE if count == 1 else MANY)
     below = round(size * (LINE + (ACTIONS if count == 1 else 1.3 * LINE)))

@@ -50,9 +50,8 @@ def report(folder: Path, output: Path, seeds: int | None = None, claims: Path | 
             raise ConfigError(f"output: {error.filename} cannot be written: {error.strerror}") from None
     # Figures hold reference cycles, 8 MB a report.
     gc.collect()
-    lines.append(
-        f"{counted(len(study.records), 'run')}, {len(study.broken)} left out; {output / 'index.html'}"
-    )
+    runs = counted(len(study.records), "run")
+    lines.append(f"{runs}, {len(study.broken)} left out; {output / 'index.html'}")
     sys.stdout.write("".join(f"{line}\n" for line in lines))
 
 
@@ -135,11 +134,9 @@ def write(study: Study, folder: Path, output: Path, missing: int, show: Show) ->
 
 def again(study: Study, folder: Path) -> str:
     """Return the command that runs the same study below outputs/; empty where the plan keeps no words."""
-    if not study.plan.words:
-        return ""
     # Tables stay as they are: no study goes on among them.
-    name = folder.resolve().name + ("_again" if has_tables(folder) else "")
-    return command("study", "run", *study.plan.words, f"output=outputs/{name}")
+    name, words = folder.resolve().name + "_again" * has_tables(folder), study.plan.words
+    return command("study", "run", *words, f"output=outputs/{name}") if words else ""
 
 
 # Names of figures. Files of an earlier report with these names are removed unless they are drawn again.

@@ -192,11 +192,13 @@ def to_study(words: list[str]) -> StudyConfig:
             f"{given:.200}: cannot be read; a list is written without spaces, as {example}"
         ) from None
     config = read_as(StudyConfig, values)
+    # A study of some arms is one's own.
+    is_papers = {*TRANSFERS} <= {*config.arms}
     if config.reuse is None:
-        config.reuse = REUSED_PAIR in config.pairs and REUSED_ARM in config.arms
+        config.reuse = is_papers and REUSED_PAIR in config.pairs
     if config.controls is None:
-        is_papers = {*config.pairs} <= {*SCRATCH_PAIR.values()}
-        config.controls = is_papers and not CONTROLS_OF["arms"] & {*config.arms}
+        has_controls = CONTROLS_OF["arms"] & {*config.arms}
+        config.controls = is_papers and {*config.pairs} <= {*SCRATCH_PAIR.values()} and not has_controls
     check(config)
     return config
 

@@ -34,6 +34,12 @@ def test_a_file_of_ones_own_is_a_study() -> None:
     assert again.words == config.words and plan_jobs(again) == jobs
 
 
+def test_some_arms_on_a_pair_of_the_paper_are_no_study_of_all_its_figures() -> None:
+    some, every = (to_study(["pairs=[high]", *words]) for words in (["arms=[scratch,FTW]"], []))
+    assert (some.reuse, some.controls, every.reuse, every.controls) == (False, False, True, True)
+    assert len(plan_jobs(to_study(["pairs=[low]", "arms=[scratch,FT3]", "seeds=2"]))) == 6
+
+
 def test_runs_and_studies_take_the_same_files(tmp_path: Path) -> None:
     (tmp_path / "conf/network").mkdir()
     small = "conv: [[8, 8, 4], [8, 4, 2], [8, 9, 1]]\nhidden: 16\nvector_time: 0.0\n"

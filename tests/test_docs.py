@@ -15,7 +15,7 @@ PAGES = [
     *sorted((ROOT / "docs").glob("*.md")),
 ]
 STUDIES = sorted((ROOT / "studies").rglob("*.md"))
-MAX_PAGES, MAX_WORDS, MAX_README_BYTES = 16, 14_500, 5_000
+MAX_PAGES, MAX_WORDS, MAX_README_BYTES = 16, 14_000, 5_000
 LINK = re.compile(r"\]\(([^)#]*)(?:#([^)]*))?\)")
 
 

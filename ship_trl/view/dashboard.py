@@ -232,8 +232,8 @@ class Layout:
             self.kind = kind = NARROW
         self.unit = unit = max(0.3, min(size[0] / kind.size[0] / count, size[1] / kind.size[1]))
         self.pad, graphs = round(14 * unit), round(kind.graphs * unit)
-        # As high as letters that are readable at the width of a phone.
-        self.title = round(56 * unit) if count > 1 else 0
+        # Readable at the width of a phone, where there is room.
+        self.title = round((56 if unit > 0.5 else 30) * unit) if count > 1 else 0
         # Small letters are relatively wider, so the legend has more lines.
         self.legend = round((66 if unit < 0.75 else kind.legend) * unit)
         self.values = round(kind.values * unit)
@@ -299,7 +299,7 @@ def _draw_still(size: Size, views: Views, steps: tuple[int, ...], look: Look, st
     unit, colours = layout.unit, pair_colours([view.title for view in views])
     _draw_header(surface, views, status, unit)
     for k, (view, step) in enumerate(zip(views, steps, strict=True)):
-        scene, beside, letters = layout.scene(k), layout.panel(k), round(38 * unit)
+        scene, beside, letters = layout.scene(k), layout.panel(k), round(0.65 * layout.title)
         if len(views) > 1:
             words = pen.cut(f"{'AB'[k]}  {view.title}", layout.width, letters, True)
             pen.write(surface, words, (scene.left, scene.top - layout.title / 2), colours[k], letters, True)

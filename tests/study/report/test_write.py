@@ -102,7 +102,7 @@ def odd(tmp_path_factory: pytest.TempPathFactory) -> Reported:
     drawings = write.drawings
     with pytest.MonkeyPatch.context() as patch:  # each takes a second
         patch.setattr(
-            write, "drawings", lambda study: {key: drawings(study)[key] for key in ("pair_high", "times")}
+            write, "drawings", lambda study: {key: drawings(study)[key] for key in ("pair_high", "differences")}
         )
         return report(folder)
 
@@ -114,7 +114,7 @@ def test_tables_and_figures_lie_beside_it(reported: Reported) -> None:
     assert float(arms["FTW"]["area"]) > float(arms["scratch"]["area"])
     low, value, high = (float(arms["FTW"][f"transfer ratio{end}"]) for end in (" low", "", " high"))
     assert 0 < low < value < high and arms["scratch"]["transfer ratio"] == ""
-    for name in ("pair_high", "differences", "times", "gains", "gains_forest"):
+    for name in ("pair_high", "differences", "gains", "gains_forest"):
         for ending in ("png", "pdf"):
             assert (reported.folder / f"report/{name}.{ending}").stat().st_size > 3_000
 
@@ -183,7 +183,7 @@ def test_a_claims_file_may_be_ones_own(
 
 def test_figures_of_an_earlier_report_go_and_other_files_stay(odd: Reported) -> None:
     left = {path.name for path in (odd.folder / "report").iterdir()}
-    assert not left & set(GONE) and {*STAYING, "pair_high.png", "times.pdf"} <= left
+    assert not left & set(GONE) and {*STAYING, "pair_high.png", "differences.pdf"} <= left
 
 
 @pytest.mark.long

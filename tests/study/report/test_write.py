@@ -99,11 +99,9 @@ def odd(tmp_path_factory: pytest.TempPathFactory) -> Reported:
     (folder / "report").mkdir()
     for name in [*GONE, *STAYING]:
         (folder / "report" / name).touch()
-    drawings = write.drawings
+    drawings, two = write.drawings, ("pair_high", "differences")
     with pytest.MonkeyPatch.context() as patch:  # each takes a second
-        patch.setattr(
-            write, "drawings", lambda study: {key: drawings(study)[key] for key in ("pair_high", "differences")}
-        )
+        patch.setattr(write, "drawings", lambda study: {key: drawings(study)[key] for key in two})
         return report(folder)
 
 

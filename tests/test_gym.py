@@ -26,11 +26,12 @@ from ship_trl.config.errors import ConfigError
 from ship_trl.config.network import load_network
 from ship_trl.fast.worlds import make_rasteriser
 from ship_trl.gym import ENV_ID, ShipCollisionEnv, ShipCollisionVectorEnv
-from ship_trl.sim.cases import GIVES_WAY, load_case, load_world
+from ship_trl.sim.cases import GIVES_WAY, RecordedShip, load_case, load_world
 from ship_trl.sim.state import HEADING, OWN_SIZE, SHIP_BEHAVIOUR, SHIP_COUNT
 from ship_trl.sim.vector import VectorObservation
 from tests.command import ROOT
 from tests.forked import run_script
+from tests.formats import traffic
 
 KEYS = ("state", "goal", "collision", "least_distance")
 
@@ -339,6 +340,22 @@ def test_a_configuration_changes_world_and_traffic() -> None:
     assert turned[HEADING] != ShipCollisionEnv().reset(seed=1)[1]["state"][HEADING]
     with pytest.raises(ConfigError, match="config: must be left out without the name of a case or suite"):
         make_env(load_case("4", load_world()), config={})
+
+
+def test_encounters_of_other_tools_are_cases_and_their_keys_count(tmp_path: Path) -> None:
+    case = str(traffic.write(tmp_path / "day.csv", traffic.make(traffic.CROSSING), "danish"))
+    config = {"situations": {"targets": "replay", "safe": 0.2}}
+    (ship,) = ShipCollisionVectorEnv(1, case, config=config).suite.case.target_ships
+    assert isinstance(ship, RecordedShip)
+    for env in (ShipCollisionEnv(case, config=config), gymnasium.make(ENV_ID, case=case, config=config)):
+        env.reset(seed=0)
+        *_, info = env.step(3)
+        np.testing.assert_allclose(info["state"][OWN_SIZE : OWN_SIZE + 2], ship.path[0], atol=1e-3)
+    batch = make_env(case, num_envs=2, config=config)
+    state = batch.rollout(1)["next", "state"][:, 0]
+    np.testing.assert_allclose(state[:, OWN_SIZE : OWN_SIZE + 2], [ship.path[0]] * 2, atol=1e-3)
+    other = ShipCollisionVectorEnv(2, case, config={"situations": {"own": "both"}})
+    assert len(other.suite.cases) == 2 and other.reset(seed=0)[1]["state"].shape[0] == 2
 
 
 def test_it_draws_a_large_picture_of_each_row() -> None:

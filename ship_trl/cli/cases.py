@@ -18,14 +18,13 @@ from ship_trl.cli.parser import add_output, add_target, make_parser
 from ship_trl.config.errors import command, override, require
 from ship_trl.config.paths import conf_files
 from ship_trl.config.types import World
-from ship_trl.formats.suites import load_suite
 from ship_trl.policies.pretrained import networks
 from ship_trl.run.console import show
+from ship_trl.run.entries import find_suites
 from ship_trl.sim.cases import (
     Case,
     Suite,
     is_suite,
-    load_world,
     read_values,
     readable_cases,
     suite_of,
@@ -48,7 +47,7 @@ ZERO_SHOT_ARM, ZERO_SHOT_GAIN = "FTW", (0.3144, 0.2614, 0.3674)
 def main(arguments: list[str] | None = None) -> None:
     """Print the tables and write the picture."""
     parser = make_parser("cases", __doc__)
-    add_target(parser, DEFAULT, "target=CASE|SUITE")
+    add_target(parser, DEFAULT)
     by = "what to rank by: similarity is equation 8, distance 7, side the ideal path's, ships their number"
     parser.add_argument("--by", choices=MEASURES, default="similarity", help=by)
     stored = "folder of trained networks; default: %(default)s"
@@ -61,29 +60,29 @@ def main(arguments: list[str] | None = None) -> None:
     add_output(parser, "--picture", (".png",), picture)
     options = parser.parse_args(arguments)
     with refusals():
-        world = load_world()
-        suites = [load_suite(name, world, "target") for name in options.target]
+        names, suites, world, *_ = find_suites(options.words, ("situations",), DEFAULT)
         every = {case.name: case for suite in suites for case in suite.cases}
         cases = dict(islice(every.items(), MAX_PICTURES))
         name, note = f"cases_{'-'.join(suite.name for suite in suites)}", ""
         traffic = next((suite for suite in suites if suite.traffic), None)
         if traffic is not None:
             allowed = "alone, where it is a suite of random encounters"
-            require(len(suites) == 1, "target", allowed, ",".join(options.target))
+            require(len(suites) == 1, "target", allowed, ",".join(names))
             note = f": scenes of the seeds 0 to {EXAMPLES - 1}"
         elif len(cases) > 1:
             show_cases(cases)
             show_pairs(cases, world)
-            name = "cases" if options.target == DEFAULT.split(",") else name
+            name = "cases" if names == DEFAULT.split(",") else name
             note = f": the first {MAX_PICTURES} of {len(every)} cases" * (len(every) > MAX_PICTURES)
         else:
             (target,) = cases.values()
             # Its name is no word of a command where it was given by a path.
-            given = target.name if is_suite(options.target[0]) else options.target[0]
+            given = target.name if is_suite(names[0]) else names[0]
             sources = [case for case in readable_cases(world) if case.fingerprint != target.fingerprint]
             known = [] if options.measured is None else read_transfers(options.measured)
-            show_ranking(target, given, sources, world, options.by, CaseBase(options.case_base))
-            show_expected(target, given, sources, world)
+            words = [override("target", given), *(word for word in options.words if "target=" not in word)]
+            show_ranking(target, words, sources, world, options.by, CaseBase(options.case_base))
+            show_expected(target, words, sources, world)
             show_measured(target, given, transfers_to(target, known, sources))
             name = f"case_{target.name}"
         path = options.picture or Path("outputs") / f"{name}.png"
@@ -150,11 +149,11 @@ def show_pairs(cases: dict[str, Case], world: World) -> None:
 
 
 def show_ranking(
-    target: Case, given: str, sources: list[Case], world: World, by: str, stored: CaseBase
+    target: Case, given: list[str], sources: list[Case], world: World, by: str, stored: CaseBase
 ) -> None:
     """Print the sources for a target, best first, with stored networks and the paper's arm.
 
-    `given` is the target's word in the commands that are printed: its name or path.
+    `given` are the words in the commands that are printed that say the target: its name or path, and keys.
     """
     fingerprints = [entry.fingerprint for entry in stored.entries()]
     ranking = rank(target, sources, world, by)[:MAX_SHOWN]
@@ -172,7 +171,7 @@ def show_ranking(
         sys.stdout.write(f"By the paper's rule: no case is similar to case {target.name}.\n")
         return
     first = ranking[0].case
-    words = override("source", first.name), override("target", given), *arms[0]
+    words = override("source", first.name), *given, *arms[0]
     sys.stdout.write(f"By the paper's rule:\n{command(*words)}\n")
     if best := stored.representative(first):
         known = f"{best.arm}, seed {best.seed}, greedy return {best.best_return:.1f}"
@@ -208,7 +207,7 @@ def show_measured(target: Case, given: str, found: list[Transfer]) -> None:
     sys.stdout.write("\n".join(lines) + "\n")
 
 
-def show_expected(target: Case, given: str, sources: list[Case], world: World) -> None:
+def show_expected(target: Case, given: list[str], sources: list[Case], world: World) -> None:
     """Print the bundled network with the largest zero-shot score, which predicts gains best."""
     from ship_trl.fast.worlds import make_env
     from ship_trl.policies.named import load_network
@@ -224,7 +223,7 @@ def show_expected(target: Case, given: str, sources: list[Case], world: World) -
     if not scores:
         return
     first = max(scores, key=scores.__getitem__)
-    words = override("source", first), "source_weights=pretrained", override("target", given)
+    words = override("source", first), "source_weights=pretrained", *given
     gain = "{:+.2f} ({:+.2f} to {:+.2f})".format(*ZERO_SHOT_GAIN)
     sys.stdout.write(
         f"By zero_shot, which predicted gains best in the study of sources (studies/sources): "

@@ -64,15 +64,10 @@ def add_number(parser: Parser, option: str, hint: Any, default: float | None, us
     parser.add_argument(option, type=read, default=default, metavar="N", help=use)
 
 
-def add_target(parser: Parser, default: str, metavar: str) -> None:
-    """Add the word `target=CASE`, of which the names are kept."""
-
-    def read(text: str) -> list[str]:
-        key, _, names = text.partition("=")
-        require(key == "target" and names != "", "target", f"given as {metavar}", text)
-        return names.split(",")
-
-    parser.add_argument("target", nargs="?", type=read, default=f"target={default}", metavar=metavar)
+def add_target(parser: Parser, default: str) -> None:
+    """Add the words `target=CASE` and `situations.KEY=VALUE`, see `ship_trl.run.entries`."""
+    told = f"default: target={default}; of encounters of other tools, keys as situations.safe=0.5"
+    parser.add_argument("words", nargs="*", metavar="target=CASE|SUITE", help=told)
 
 
 def add_size(parser: Parser, default: str | None, use: str) -> None:

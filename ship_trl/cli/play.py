@@ -12,15 +12,16 @@ from pathlib import Path
 
 from ship_trl.cli.errors import refusals
 from ship_trl.cli.parser import add_size, add_target, make_parser
-from ship_trl.formats.suites import load_suite
 from ship_trl.policies.registry import Entry, split_suites
-from ship_trl.sim.cases import load_world
+from ship_trl.run.entries import find_suites
+
+DEFAULT = "4"
 
 
 def main(arguments: list[str] | None = None) -> None:
     """Read the arguments, open the window, play."""
     parser = make_parser("play", __doc__)
-    add_target(parser, "4", "target=CASE|SUITE")
+    add_target(parser, DEFAULT)
     folder = Path("outputs/demonstrations")
     keep = f"where episodes are kept; default: {folder}"
     parser.add_argument("--demonstrations", type=Path, default=folder, metavar="FOLDER", help=keep)
@@ -28,8 +29,7 @@ def main(arguments: list[str] | None = None) -> None:
     add_size(parser, None, "of the window; default: as large as the screen allows")
     options = parser.parse_args(arguments)
     with refusals():
-        world = load_world()
-        suites = [load_suite(name, world, "target") for name in options.target]
+        _, suites, world, *_ = find_suites(options.words, ("situations",), DEFAULT)
         entries = split_suites(Entry("play", "play", suite, world, False) for suite in suites)
         cases = [case for entry in entries for case in entry.suite.cases]
 

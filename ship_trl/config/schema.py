@@ -102,7 +102,7 @@ def explain_invalid(hint: Any, key: str, error: Any) -> str:
         return f"{name}: unknown key; allowed here: {', '.join(keys_at(hint, path[:-1])) or 'none'}"
     allowed = re.sub(r"^Input should be |, (unable to|got a) .*", "", error["msg"])
     if error["type"] == "dataclass_type":
-        allowed = f"a group of {', '.join(keys_at(hint, path))}"
+        allowed = f"a group of {', '.join(keys_at(hint, path)) or 'keys'}"
     return f"{name}: must be {allowed}, got {json.dumps(got, default=str)}".removeprefix(": ")
 
 

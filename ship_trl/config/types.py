@@ -150,6 +150,16 @@ class Situations:
 
 
 @dataclass(frozen=True)
+class Changes:
+    """Keys of the world, a suite's traffic, the perturbation and situations, other than in YAML files."""
+
+    world: dict[str, Any] = field(default_factory=dict)
+    traffic: dict[str, Any] = field(default_factory=dict)
+    perturbation: Perturbation = Perturbation()
+    situations: Situations = Situations()
+
+
+@dataclass(frozen=True)
 class Margin:
     """What training alone adds to the reward, so that ships keep more than the safe distance.
 

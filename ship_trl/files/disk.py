@@ -36,10 +36,10 @@ def remove(path: Path) -> None:
         path.unlink(missing_ok=True)
 
 
-def read_json(path: Path) -> Any:
+def read_json(path: Path, most: int = MAX_FILE_BYTES) -> Any:
     """Read a JSON file, or raise an OSError as `read_file` does, or a ValueError."""
     try:
-        return json.loads(read_file(path))
+        return json.loads(read_file(path, most))
     except RecursionError:
         raise ValueError("nested too deep") from None
 

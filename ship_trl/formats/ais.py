@@ -6,9 +6,12 @@ outside what a message can hold, becomes missing (NaN) here and nowhere later. R
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+import io
+import zipfile  # noqa: TID251 (one file is opened, nothing is extracted)
+from array import array
+from collections.abc import Iterable, Iterator, Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import IO, TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -30,12 +33,14 @@ ALIASES = {
 }
 # Where the column is there, only ships with a transceiver of class A or B are kept.
 CLASSES = ("transceiverclass", "transceiver", "type of mobile")
-ROWS_AT_ONCE = 250_000
-# A larger number of a tag block is a time in milliseconds: in seconds it is the year 5138.
+SHIPS = ("a", "b", "class a", "class b")
+# Bytes that are read at once, and bytes of a line.
+PIECE, MAX_LINE = 1 << 24, 1 << 16
+# The year 5138. A larger number of a tag block is a time in milliseconds.
 MAX_SECONDS = 10**11
 # Knots. Above, a message means "not available" (102.3), or "102.2 or more".
 MAX_SPEED = 50.0
-COMPRESSIONS = {b"PK\x03\x04": "zip", b"\x28\xb5\x2f\xfd": "zstd"}
+ZIP, ZSTD = b"PK\x03\x04", b"\x28\xb5\x2f\xfd"
 
 
 class Fixes(NamedTuple):
@@ -53,42 +58,95 @@ class Fixes(NamedTuple):
     course: NDArray[np.float32]
 
 
+KINDS = (np.int32, np.int64, np.float64, np.float64, np.float32, np.float32)
+
+
 def read_table(path: Path) -> Fixes:
-    """Read a table of AIS positions, plain or compressed (zip, zst), in bounded memory.
+    """Read a table of AIS positions, plain or compressed (zip, zst), in pieces: 36 bytes a row are kept.
 
     Raises:
         ConfigError: the file is no such table; it names the columns that are missing.
     """
-    import pandas
-
-    with path.open("rb") as file:
-        head = file.read(4)
-    packed = next((name for magic, name in COMPRESSIONS.items() if head.startswith(magic)), None)
-    given: Any = {"compression": packed, "encoding": "utf-8-sig", "encoding_errors": "replace"}
+    head = b""
     try:
-        # No cell holds a bell, so the header is one cell.
-        header = pandas.read_csv(path, sep="\a", header=None, nrows=1, **given).iat[0, 0]
-        delimiter = max(",;\t", key=header.count)
-        columns = find_columns([name.strip('"') for name in header.split(delimiter)], str(path))
-        with pandas.read_csv(
-            path,
-            sep=delimiter,
-            usecols=list(columns.values()),
-            chunksize=ROWS_AT_ONCE,
-            on_bad_lines="skip",
-            dtype={columns["time"]: str},
-            **given,
-        ) as chunks:
-            return sort_fixes([clean(chunk, columns) for chunk in chunks])
+        with path.open("rb") as file:
+            head = file.read(4)
+            file.seek(0)
+            return sort_fixes(table_parts(unpacked(file, head), path))
     except ImportError:
         raise ConfigError(f"{path}: {missing_extra('zstandard', 'ais')}") from None
     except ConfigError:
         raise
     except Exception as error:
         # Packed files have errors of their own: BadZipFile, zlib.error, ZstdError.
-        if packed is None and not isinstance(error, ValueError | EOFError | OSError):
+        if head not in (ZIP, ZSTD) and not isinstance(error, ValueError | EOFError | OSError):
             raise
         raise ConfigError(f"{path}: {error}") from None
+
+
+def unpacked(file: IO[bytes], head: bytes) -> IO[bytes]:
+    """Return a file as it is, or what a compressed one holds."""
+    if head == ZIP:
+        archive = zipfile.ZipFile(file)
+        if len(names := archive.namelist()) != 1:
+            raise ValueError(f"holds {len(names)} files; allowed: one table")
+        return archive.open(names[0])
+    if head == ZSTD:
+        import zstandard
+
+        reader: Any = zstandard.ZstdDecompressor().stream_reader(file, read_across_frames=True)
+        return io.BufferedReader(reader)
+    return file
+
+
+def whole_lines(file: IO[bytes], path: Path) -> Iterator[tuple[int, bytes]]:
+    """Yield a file in pieces of whole lines, each with the number of its first line, from 1.
+
+    Raises:
+        ConfigError: a line is longer than `MAX_LINE` bytes.
+    """
+    number = 1
+    while piece := file.read(PIECE):
+        piece += file.readline(MAX_LINE + 1)
+        ends = np.flatnonzero(np.frombuffer(piece, np.uint8) == ord("\n"))
+        lengths = np.diff(ends, prepend=-1, append=len(piece))
+        if lengths.max() > MAX_LINE + 1:
+            line = number + int(np.argmax(lengths > MAX_LINE + 1))
+            raise ConfigError(f"{path}: line {line}: is too long; allowed: {MAX_LINE} bytes")
+        yield number, piece
+        number += len(ends)
+
+
+def table_parts(file: IO[bytes], path: Path) -> Iterator[Fixes]:
+    """Yield the cleaned rows of a table, piece by piece."""
+    import pandas
+
+    names: list[str] = []
+    for number, piece in whole_lines(file, path):
+        first, rows = number, piece
+        if not names:
+            heading, _, rows = piece.partition(b"\n")
+            header = heading.decode("utf-8-sig", errors="replace")
+            delimiter, first = max(",;\t", key=header.count), 2
+            names = header.split(delimiter)
+            columns = find_columns(names, str(path))
+        if not rows.strip():
+            continue
+        table = pandas.read_csv(
+            io.BytesIO(rows),
+            sep=delimiter,
+            header=None,
+            names=range(len(names)),
+            usecols=list(columns.values()),
+            index_col=False,
+            on_bad_lines="skip",
+            dtype={columns[kind]: "category" for kind in ("time", "class") if kind in columns},
+            encoding_errors="replace",
+            low_memory=False,
+        )
+        yield clean(table, columns, names, first)
+    if not names:
+        raise ConfigError(f"{path}: is empty; allowed: a table of AIS positions")
 
 
 def read_frame(frame: DataFrame) -> Fixes:
@@ -97,17 +155,9 @@ def read_frame(frame: DataFrame) -> Fixes:
     Raises:
         ConfigError: a column is missing.
     """
-    columns = find_columns([str(name) for name in frame.columns], "the DataFrame")
-    return sort_fixes([clean(frame, columns)])
-
-
-def is_table(head: bytes) -> bool:
-    """Return whether a file's first bytes are those of a table of AIS positions, or of a compressed file."""
-    if head.startswith(tuple(COMPRESSIONS)):
-        return True
-    names = head.partition(b"\n")[0].decode("utf-8-sig", errors="replace").replace(";", ",").split(",")
-    known = {simple(name) for name in names}
-    return sum(not known.isdisjoint(aliases) for aliases in ALIASES.values()) >= 3
+    names = [str(name) for name in frame.columns]
+    columns = find_columns(names, "the DataFrame")
+    return sort_fixes([clean(frame.set_axis(range(len(names)), axis=1), columns, names)])
 
 
 def simple(name: str) -> str:
@@ -115,41 +165,53 @@ def simple(name: str) -> str:
     return name.strip('"# \r').lower()
 
 
-def find_columns(names: list[str], where: str) -> dict[str, str]:
-    """Return the table's name of each of the six columns, and of the class if there is one.
+def find_columns(names: Sequence[str], where: str) -> dict[str, int]:
+    """Return the place in the table of each of the six columns, and of the class if there is one.
 
     Raises:
         ConfigError: columns are missing.
     """
-    by_name = {simple(name): name for name in reversed(names)}
+    known = [simple(name) for name in names]
     found = {
-        kind: next((by_name[alias] for alias in aliases if alias in by_name), None)
+        kind: known.index(alias)
         for kind, aliases in (*ALIASES.items(), ("class", CLASSES))
+        for alias in reversed(aliases)
+        if alias in known
     }
-    if missing := [kind for kind in ALIASES if found[kind] is None]:
+    if missing := [kind for kind in ALIASES if kind not in found]:
         allowed = "; ".join(f"{kind}: {', '.join(ALIASES[kind])}" for kind in missing)
         raise ConfigError(f"{where}: has no column for {', '.join(missing)}; allowed names: {allowed}")
-    return {kind: name for kind, name in found.items() if name is not None}
+    return found
 
 
-def clean(table: DataFrame, columns: dict[str, str]) -> Fixes:
+def clean(table: DataFrame, columns: dict[str, int], names: Sequence[str], first: int = 1) -> Fixes:
     """Return the rows of a table that say where a ship was, in the table's order.
+
+    Args:
+        table: has its columns' places for names.
+        columns: place of each kind of column.
+        names: of the table's columns.
+        first: number of the first row in its file.
 
     Raises:
         ValueError: a time is none, or of another time zone than UTC, or latitudes lie beyond a pole.
     """
-    if "class" in columns:
-        classes = table[columns["class"]].astype(str).str.strip().str.lower()
-        table = table[classes.isin(["a", "b", "class a", "class b"])]
+    import pandas
+
     mmsi, latitude, longitude, sog, cog = (
-        numbers(table[columns[kind]]) for kind in ("mmsi", "latitude", "longitude", "sog", "cog")
+        np.array(pandas.to_numeric(table[columns[kind]], errors="coerce"), dtype=np.float64)
+        for kind in ("mmsi", "latitude", "longitude", "sog", "cog")
     )
     if (np.abs(latitude) > 91).sum() > len(table) / 2:
         raise ValueError("most latitudes lie beyond 90 degrees; are latitude and longitude swapped?")
-    if simple(columns["time"]) == "basedatetime":
+    if simple(names[columns["time"]]) == "basedatetime":
         # MarineCadastre's old courses are signed numbers of 12 bits: 345 degrees is listed as -64.6.
         cog = np.where(cog < 0, np.round(cog + 409.6, 1), cog)
-    return known_fixes(mmsi, read_times(table[columns["time"]]), latitude, longitude, sog, cog)
+    if "class" in columns:
+        classes = table[columns["class"]].astype("category").cat
+        is_ship = [str(one).strip().lower() in SHIPS for one in classes.categories]
+        mmsi[~np.append(is_ship, False).astype(bool)[classes.codes]] = np.nan
+    return known_fixes(mmsi, read_times(table[columns["time"]], first), latitude, longitude, sog, cog)
 
 
 def known_fixes(
@@ -162,84 +224,85 @@ def known_fixes(
 ) -> Fixes:
     """Return the rows of ships whose place is known; speeds and courses that are not available become NaN."""
     # The first digit of a ship's MMSI is 2 to 7; others are base stations, buoys and search and rescue.
-    kept = (time > 0) & (
+    kept = ((time > 0) & (time < MAX_SECONDS)) & (
         (mmsi >= 200_000_000) & (mmsi < 800_000_000) & (np.abs(latitude) <= 85) & (np.abs(longitude) <= 180)
     )
     speed = np.where((knots >= 0) & (knots <= MAX_SPEED), knots * KNOT, np.nan)
     course = np.where((course >= 0) & (course < 360), course, np.nan)
-    kinds = (np.int32, np.int64, np.float64, np.float64, np.float32, np.float32)
     columns = (mmsi, time, latitude, longitude, speed, course)
-    return Fixes(*(column[kept].astype(kind) for column, kind in zip(columns, kinds, strict=True)))
+    return Fixes(*(column[kept].astype(kind) for column, kind in zip(columns, KINDS, strict=True)))
 
 
-def numbers(column: Any) -> NDArray[np.float64]:
-    """Return a column as numbers, NaN where a cell is none."""
-    import pandas
-
-    values = pandas.to_numeric(column, errors="coerce")
-    return np.array(values, dtype=np.float64)
-
-
-def read_times(column: Any) -> NDArray[np.int64]:
-    """Return times as seconds since 1970 (UTC), negative where there is none.
+def read_times(column: Any, first: int) -> NDArray[np.int64]:
+    """Return times as seconds since 1970 (UTC), negative where there is none; `first` numbers the first row.
 
     Text is ISO 8601, or has the day first and slashes, as in Denmark's files.
     """
     import pandas
 
-    if not pandas.api.types.is_datetime64_any_dtype(column):
-        days_first = column.iloc[:1].astype(str).str.contains("/").any()
-        form = "%d/%m/%Y %H:%M:%S" if days_first else "ISO8601"
+    if pandas.api.types.is_datetime64_any_dtype(column):
+        times, codes = pandas.DatetimeIndex(column), np.arange(len(column))
+    else:
+        # The same second stands in many rows.
+        cells = column.astype("category").cat
+        texts, codes = cells.categories.astype(str), np.asarray(cells.codes)
+        form = "%d/%m/%Y %H:%M:%S" if texts.str.contains("/").any() else "ISO8601"
         try:
-            times = pandas.to_datetime(column, format=form)
+            times = pandas.to_datetime(texts, format=form)
         except ValueError as error:
             if "zone" in str(error):
                 raise ValueError("time: has several time zones; allowed: UTC") from None
-            wrong = column[pandas.to_datetime(column, format=form, errors="coerce").isna() & column.notna()]
-            # The header is row 1.
-            where = f"row {wrong.index[0] + 2}: got {wrong.iloc[0]!s:.40}" if len(wrong) else str(error)[:80]
+            is_none = pandas.to_datetime(texts, format=form, errors="coerce").isna()
+            row = int(np.argmax(np.append(is_none, False)[codes]))
             allowed = "2025-01-31T12:00:00, or Denmark's 31/01/2025 12:00:00"
-            raise ValueError(f"time: {where}; allowed: {allowed}") from None
-        column = times
-    zone = getattr(column.dt, "tz", None)
-    if zone is not None and str(zone) not in ("UTC", "UTC+00:00"):
-        raise ValueError(f"time: has the time zone {zone}; allowed: UTC")
-    return np.array(column.dt.tz_localize(None), dtype="datetime64[s]").astype(np.int64)
+            raise ValueError(
+                f"time: row {first + row}: got {column.iloc[row]!s:.40}; allowed: {allowed}"
+            ) from None
+    if str(times.tz) not in ("None", "UTC", "UTC+00:00"):
+        raise ValueError(f"time: has the time zone {times.tz}; allowed: UTC")
+    seconds = np.array(times.tz_localize(None), dtype="datetime64[s]").astype(np.int64)
+    return np.append(seconds, -1)[codes]
 
 
-def sort_fixes(parts: list[Fixes]) -> Fixes:
+def sort_fixes(parts: Iterable[Fixes]) -> Fixes:
     """Join, sort by ship and time, number the ships from 0, and keep the first fix of each second.
 
     Of the same second the fix with the least values is kept, so that the order of rows does not matter.
     """
-    joined = [np.concatenate(columns) for columns in zip(*parts, strict=True)] if parts else []
-    if not joined:
-        return Fixes(
-            *(np.empty(0, kind) for kind in (np.int32, np.int64, float, float, np.float32, np.float32))
-        )
-    order = np.lexsort([*(np.nan_to_num(joined[n], nan=1e9) for n in (5, 4, 3, 2)), joined[1], joined[0]])
-    joined = [column[order] for column in joined]
-    first = np.ones(len(order), bool)
-    first[1:] = (np.diff(joined[0]) != 0) | (np.diff(joined[1]) != 0)
-    ships, *rest = (column[first] for column in joined)
-    return Fixes(np.unique(ships, return_inverse=True)[1].astype(np.int32), *rest)
+    nothing = Fixes(*(np.empty(0, kind) for kind in KINDS))
+    rows = [list(part) for part in (nothing, *parts)]
+    # Column by column, so that the parts and what is joined are not held both.
+    columns = [np.concatenate([row.pop() for row in rows]) for _ in KINDS][::-1]
+    order = np.lexsort((columns[1], columns[0]))
+    again = np.ones(max(0, len(order) - 1), bool)
+    for column in columns[:2]:
+        again &= np.diff(column[order]) == 0
+    if again.any():
+        doubled = np.append(again, False) | np.append(False, again)
+        few = [np.nan_to_num(column[order[doubled]], nan=1e9) for column in columns]
+        order[doubled] = order[doubled][np.lexsort([few[n] for n in (5, 4, 3, 2, 1, 0)])]
+        order = order[np.append(True, ~again)]
+    for n in range(len(columns)):
+        columns[n] = columns[n][order]
+    columns[0] = np.cumsum(np.diff(columns[0], prepend=columns[0][:1]) != 0, dtype=np.int32)
+    return Fixes(*columns)
 
 
 def read_nmea(path: Path) -> Fixes:
     """Read NMEA 0183 sentences of AIS, each with a tag block that says when it was received, by `pyais`.
 
     Raises:
-        ConfigError: pyais is not installed, or no sentence has a time.
+        ConfigError: pyais is not installed, no sentence has a time, or a line is too long.
     """
     try:
         import pyais
     except ImportError:
         raise ConfigError(f"{path}: {missing_extra('pyais', 'ais')}") from None
-    rows: list[tuple[float, ...]] = []
-    untimed = 0
+    numbers, untimed = array("d"), 0
     with path.open("rb") as file:
+        lines = (line for _, piece in whole_lines(file, path) for line in piece.splitlines())
         # A sentence whose checksum is wrong is decoded all the same.
-        for message in (one for one in pyais.IterMessages(file) if one.is_valid):
+        for message in (one for one in pyais.IterMessages(lines) if one.is_valid):
             if (tags := message.tag_block) is not None:
                 tags.init()
             # A tag block with a wrong checksum, or a word for a time, tells no time.
@@ -248,28 +311,27 @@ def read_nmea(path: Path) -> Fixes:
                 continue
             time = int(tags.receiver_timestamp)
             # Receivers write seconds or milliseconds.
-            rows.extend(decoded(message, time // 1000 if time > MAX_SECONDS else time))
-    if not rows:
+            numbers.extend(decoded(message, time // 1000 if time > MAX_SECONDS else time))
+    if not numbers:
         sentences = f"{untimed} sentences have no time; wanted: tag blocks with c:SECONDS"
         raise ConfigError(
             f"{path}: {sentences if untimed else 'has no position report (1 to 3, 18, 19, 27)'}"
         )
-    mmsi, time, latitude, longitude, sog, cog = np.array(sorted(rows)).T
-    return sort_fixes([known_fixes(mmsi, time, latitude, longitude, sog, cog)])
+    return sort_fixes([known_fixes(*np.frombuffer(numbers).reshape(-1, len(KINDS)).T)])
 
 
-def decoded(message: Any, time: int) -> Iterator[tuple[float, ...]]:
-    """Yield a position report's MMSI, time, latitude, longitude, speed (knots) and course (degrees)."""
+def decoded(message: Any, time: int) -> tuple[float, ...]:
+    """Return a position report's MMSI, time, place, speed (knots) and course (degrees), else nothing."""
     import pyais
 
     try:
         report = message.decode()
     except pyais.exceptions.AISBaseException:
-        return
+        return ()
     if report.msg_type not in (1, 2, 3, 18, 19, 27):
-        return
+        return ()
     sog, cog = float(report.speed), float(report.course)
     if report.msg_type == 27:
         # A long-range report has sentinels of its own.
         sog, cog = (np.nan if sog >= 63 else sog), (np.nan if cog >= 511 else cog)
-    yield float(report.mmsi), float(time), float(report.lat), float(report.lon), sog, cog
+    return float(report.mmsi), float(time), float(report.lat), float(report.lon), sog, cog

@@ -2,145 +2,119 @@
 
 Positions are degrees, courses degrees clockwise from north, speeds knots. Waypoint 1 describes the leg from
 waypoint 0 to 1, as in RTZ route plans. The package `maritime-schema` 0.0.7 wrote `latitude` and `longitude`
-in place of `lat` and `lon`; each position is read by the words that it has.
+in place of `lat` and `lon`; both are read.
 """
 
 from __future__ import annotations
 
 import json
 import math
-from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
 from datetime import UTC, datetime
-from typing import Any
+from typing import Annotated, Any
+
+from pydantic import AliasChoices, AliasPath, Field
 
 from ship_trl.config.bounds import KNOT
-from ship_trl.formats.situation import (
-    MAX_LATITUDE,
-    TURNS,
-    Plane,
-    Ship,
-    Situation,
-    course_to,
-    number_of,
-    refuse_impossible,
-    turns_at_a_waypoint,
-)
+from ship_trl.config.schema import read_as
+from ship_trl.formats.situation import MAX_LATITUDE, Plane, Ship, Situation, course_to, notes_on
 
 SCHEMA_VERSION = "0.2.0"
-# The fastest speed that an AIS message can hold is 102.2 knots.
-MAX_KNOTS = 102.2
-Json = Mapping[str, Any]
 
 
-def is_situation(values: object) -> bool:
-    """Return whether JSON values hold a traffic situation."""
-    return isinstance(values, Mapping) and "ownShip" in values
-
-
-def read_situation(values: Json, name: str) -> Situation:
-    """Read a traffic situation.
-
-    Raises:
-        ValueError: a ship's position, course or speed is missing or wrong; it names the key.
-    """
-    own_ship = mapping(values["ownShip"], "ownShip")
-    targets = values.get("targetShips", values.get("targetShip")) or ()
-    if not isinstance(targets, Sequence) or isinstance(targets, str):
-        raise ValueError("targetShips: must be a list")
-    plane = Plane(*position_of(own_ship, "ownShip"))
-    own, goal, _ = read_ship(own_ship, plane, "ownShip")
-    ships: list[Ship] = []
-    notes: tuple[str, ...] = ()
-    for place, target in enumerate(targets):
-        where = f"targetShips[{place}]"
-        ship, _, turns = read_ship(mapping(target, where), plane, where)
-        ships.append(ship)
-        notes = (TURNS,) if turns else notes
-    start = read_time(values.get("startTime"))
-    return refuse_impossible(Situation(name, own, goal, tuple(ships), plane, start, notes))
-
-
-def mapping(values: object, where: str) -> Json:
-    """Return the values if they are a mapping, or raise a ValueError."""
-    if not isinstance(values, Mapping):
-        raise ValueError(f"{where}: must be a mapping")
-    return values
-
-
-def read_time(text: object) -> datetime | None:
-    """Return a time in UTC; one without a time zone is taken as UTC."""
-    if text is None:
-        return None
-    try:
-        time = datetime.fromisoformat(str(text))
-        return time.astimezone(UTC) if time.tzinfo else time.replace(tzinfo=UTC)
-    except (ValueError, OverflowError):
-        raise ValueError(f"startTime: must be a time as 2025-06-15T08:30:00Z, got {text!r:.40}") from None
-
-
-def position_of(ship: Json, where: str) -> tuple[float, float]:
-    """Return a ship's latitude and longitude at the start, `initial` before the first waypoint."""
-    initial, waypoints = mapping(ship.get("initial") or {}, f"{where}.initial"), waypoints_of(ship, where)
-    if "position" in initial:
-        return read_position(initial["position"], f"{where}.initial.position")
-    if waypoints:
-        return read_position(waypoints[0].get("position"), f"{where}.waypoints[0].position")
-    raise ValueError(f"{where}: has no position; wanted: initial.position or waypoints")
-
-
-def waypoints_of(ship: Json, where: str) -> list[Json]:
-    """Return a ship's waypoints, none if the file has none."""
-    waypoints = ship.get("waypoints") or []
-    if not isinstance(waypoints, list):
-        raise ValueError(f"{where}.waypoints: must be a list")
-    return [mapping(point, f"{where}.waypoints[{n}]") for n, point in enumerate(waypoints)]
-
-
-def read_position(values: object, where: str) -> tuple[float, float]:
-    """Return latitude and longitude (degrees) of either spelling."""
-    position = mapping(values, where)
-    long_names = "latitude" in position
-    latitude, longitude = ("latitude", "longitude") if long_names else ("lat", "lon")
-    return (
-        number_of(position.get(latitude), -MAX_LATITUDE, MAX_LATITUDE, f"{where}.{latitude}"),
-        number_of(position.get(longitude), -180, 180, f"{where}.{longitude}"),
+def at(*paths: str) -> Any:
+    """Return where a value stands in a file: the first of these paths of keys that is there."""
+    parts = (path.split(".") for path in paths)
+    return Field(
+        validation_alias=AliasChoices(
+            *(AliasPath(*(int(part) if part.isdigit() else part for part in one)) for one in parts)
+        )
     )
 
 
-def read_ship(ship: Json, plane: Plane, where: str) -> tuple[Ship, tuple[float, float] | None, bool]:
-    """Return a ship at the start, its last waypoint (m, None if there is none), and whether it turns at one.
+Latitude = Annotated[float, Field(ge=-MAX_LATITUDE, le=MAX_LATITUDE)]
+Longitude = Annotated[float, Field(ge=-180, le=180)]
+Degrees = Annotated[float, Field(ge=0, le=360)]
+# The fastest speed that an AIS message can hold is 102.2 knots.
+Knots = Annotated[float, Field(ge=0, le=102.2)]
+PLACES, LEGS = ("initial.position", "waypoints.0.position"), ("waypoints.1.leg", "waypoints.0.leg")
+SPEEDS = (f"{leg}.{key}" for leg in LEGS for key in ("data.sog.value", "sog"))
 
-    Its course is `initial.cog`, else the way to its second waypoint, else its heading. Its speed is
-    `initial.sog`, else that of the first leg, whose `data.sog` counts before its `sog`.
+
+@dataclass
+class Waypoint:
+    """A place of a route, of either spelling."""
+
+    lat: Annotated[Latitude, at("position.lat", "position.latitude")]
+    lon: Annotated[Longitude, at("position.lon", "position.longitude")]
+
+
+@dataclass
+class ShipFile:
+    """A ship: what it says of the start counts before its route, and a leg's data before the leg."""
+
+    lat: Annotated[Latitude, at(*(f"{place}.{key}" for place in PLACES for key in ("lat", "latitude")))]
+    lon: Annotated[Longitude, at(*(f"{place}.{key}" for place in PLACES for key in ("lon", "longitude")))]
+    sog: Annotated[Knots, at("initial.sog", *SPEEDS)]
+    cog: Annotated[Degrees | None, at("initial.cog")] = None
+    heading: Annotated[Degrees | None, at("initial.heading")] = None
+    waypoints: list[Waypoint] = field(default_factory=list)
+
+
+@dataclass
+class SituationFile:
+    """A traffic situation; other keys are not read."""
+
+    own: Annotated[ShipFile, at("ownShip")]
+    targets: Annotated[list[ShipFile], at("targetShips", "targetShip")] = field(default_factory=list)
+    start: Annotated[datetime | None, at("startTime")] = None
+
+
+def read_situation(values: object, name: str) -> Situation:
+    """Read a traffic situation; a null is a key that is not there.
+
+    Raises:
+        ValueError, ConfigError: a ship's position, course or speed is missing or wrong; it names the key.
     """
-    initial, waypoints = mapping(ship.get("initial") or {}, f"{where}.initial"), waypoints_of(ship, where)
-    x, y = (float(way) for way in plane.to_metres(*position_of(ship, where)))
-    places: list[tuple[float, float]] = [
-        plane.to_metres(*read_position(point.get("position"), f"{where}.waypoints[{n}].position"))
-        for n, point in enumerate(waypoints)
-    ]
-    if len(places) > 1 and places[0] == places[1]:
-        raise ValueError(f"{where}.waypoints[1]: is the same place as waypoints[0]")
-    course: float
-    if (cog := initial.get("cog")) is not None:
-        course = number_of(cog, 0, 360, f"{where}.initial.cog")
-    elif len(places) > 1:
-        course = course_to(places[1][0] - places[0][0], places[1][1] - places[0][1])
-    elif (heading := initial.get("heading")) is not None:
-        course = number_of(heading, 0, 360, f"{where}.initial.heading")
-    else:
+    if not isinstance(values, dict) or "ownShip" not in values:
+        raise ValueError("has no ownShip; allowed: a traffic situation")
+    file = read_as(SituationFile, without_nulls(values), from_json=True)
+    plane = Plane(file.own.lat, file.own.lon)
+    own, route = read_ship(file.own, plane, "ownShip")
+    found = [read_ship(ship, plane, f"targetShips[{place}]") for place, ship in enumerate(file.targets)]
+    goal = route[-1] if len(route) > 1 else None
+    if (start := file.start) is not None:
+        # One without a time zone is taken as UTC.
+        start = start.astimezone(UTC) if start.tzinfo else start.replace(tzinfo=UTC)
+    notes = notes_on(places for _, places in found)
+    return Situation(name, own, goal, tuple(ship for ship, _ in found), plane, start, notes)
+
+
+def without_nulls(values: Any) -> Any:
+    """Return JSON values without the keys that have no value."""
+    if isinstance(values, list):
+        return [without_nulls(one) for one in values]
+    if isinstance(values, dict):
+        return {key: without_nulls(one) for key, one in values.items() if one is not None}
+    return values
+
+
+def read_ship(ship: ShipFile, plane: Plane, where: str) -> tuple[Ship, list[tuple[float, float]]]:
+    """Return a ship at the start, and its waypoints (m).
+
+    Its course is `initial.cog`, else the way to its second waypoint, else its heading.
+    """
+    points = (plane.to_metres(point.lat, point.lon) for point in (ship, *ship.waypoints))
+    (x, y), *places = ((float(east), float(north)) for east, north in points)
+    course = ship.cog
+    if len(places) > 1:
+        if places[0] == places[1]:
+            raise ValueError(f"{where}.waypoints[1]: is the same place as waypoints[0]")
+        if course is None:
+            course = course_to(places[1][0] - places[0][0], places[1][1] - places[0][1])
+    if (course := ship.heading if course is None else course) is None:
         raise ValueError(f"{where}: has no course; wanted: initial.cog or two waypoints")
-    knots = initial.get("sog")
-    for n in (1, 0):
-        if knots is None and n < len(waypoints):
-            leg = mapping(waypoints[n].get("leg") or {}, f"{where}.waypoints[{n}].leg")
-            data = mapping(leg.get("data") or {}, f"{where}.waypoints[{n}].leg.data").get("sog")
-            knots = data.get("value") if isinstance(data, Mapping) else leg.get("sog")
-    if knots is None:
-        raise ValueError(f"{where}: has no speed; wanted: initial.sog or waypoints[1].leg.sog")
-    speed = KNOT * number_of(knots, 0, MAX_KNOTS, f"{where}: speed in knots")
-    goal = (float(places[-1][0]), float(places[-1][1])) if len(places) > 1 else None
-    return Ship(x, y, course % 360.0, speed), goal, turns_at_a_waypoint(places)
+    return Ship(x, y, course % 360.0, KNOT * ship.sog), places
 
 
 def write_situation(situation: Situation) -> str:
@@ -149,36 +123,24 @@ def write_situation(situation: Situation) -> str:
     A track becomes waypoints, one a row, with the speed of the way to each.
     """
     plane = Plane(*(situation.origin or (0.0, 0.0)))
-    ships = [
+    own, *targets = (
         write_ship(ship, number, plane) for number, ship in enumerate((situation.own, *situation.targets), 1)
-    ]
+    )
     start = {} if situation.start is None else {"startTime": situation.start.strftime("%Y-%m-%dT%H:%M:%SZ")}
-    values = {
-        "version": SCHEMA_VERSION,
-        # The package trafficgen reads these two in place of `version`.
-        "schemaVersion": SCHEMA_VERSION,
-        "trafficgenVersion": "",
-        "title": situation.name,
-        "description": "Written by ship_trl.",
-        **start,
-        "ownShip": ships[0],
-        "targetShips": ships[1:],
-    }
-    return json.dumps(values, indent=2) + "\n"
+    # The package trafficgen reads two of the versions in place of `version`.
+    versions = {"version": SCHEMA_VERSION, "schemaVersion": SCHEMA_VERSION, "trafficgenVersion": ""}
+    told = {"title": situation.name, "description": "Written by ship_trl.", **start}
+    return json.dumps(versions | told | {"ownShip": own, "targetShips": targets}, indent=2) + "\n"
 
 
 def write_ship(ship: Ship, number: int, plane: Plane) -> dict[str, Any]:
     """Return a ship for the schema: two waypoints for a ship that keeps course, else those of its track."""
-    knots = ship.speed / KNOT
+    rows = [] if ship.track is None else ship.track.tolist()
     if ship.track is None:
         # Half an hour on its course, as trafficgen writes it.
         way, angle = max(1.0, ship.speed * 1800.0), math.radians(ship.course)
-        rows = [
-            (0.0, ship.x, ship.y),
-            (1800.0, ship.x + way * math.sin(angle), ship.y + way * math.cos(angle)),
-        ]
-    else:
-        rows = [tuple(row) for row in ship.track.tolist()]
+        end = (1800.0, ship.x + way * math.sin(angle), ship.y + way * math.cos(angle))
+        rows = [(0.0, ship.x, ship.y), end]
     waypoints: list[dict[str, Any]] = []
     for n, (time, x, y) in enumerate(rows):
         latitude, longitude = plane.to_degrees(x, y)
@@ -187,14 +149,7 @@ def write_ship(ship: Ship, number: int, plane: Plane) -> dict[str, Any]:
             before, east, north = rows[n - 1]
             point["leg"] = {"sog": round(math.dist((x, y), (east, north)) / (time - before) / KNOT, 3)}
         waypoints.append(point)
-    return {
-        "waypoints": waypoints,
-        "static": {"id": number, "pathType": "linear"},
-        "initial": {
-            "position": dict(waypoints[0]["position"]),
-            "sog": round(knots, 3),
-            "cog": round(ship.course, 3) % 360.0,
-            "heading": round(ship.course, 3) % 360.0,
-            "navStatus": "Under way using engine",
-        },
-    }
+    course = round(ship.course, 3) % 360.0
+    initial = {"position": dict(waypoints[0]["position"]), "sog": round(ship.speed / KNOT, 3)}
+    initial |= {"cog": course, "heading": course, "navStatus": "Under way using engine"}
+    return {"waypoints": waypoints, "static": {"id": number, "pathType": "linear"}, "initial": initial}

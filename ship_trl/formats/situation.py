@@ -7,7 +7,7 @@ from north; m/s; seconds. `ship_trl.formats.suites` makes cases of the simulator
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, field
 from datetime import datetime
 from itertools import pairwise
@@ -18,7 +18,6 @@ from numpy.typing import NDArray
 
 # Degrees: a smaller change of course from leg to leg is rounding.
 LEAST_TURN = 1.0
-TURNS = "a target ship turns at a waypoint; it keeps its first course"
 # Nearer to a pole, metres of longitude are too short for a plane.
 MAX_LATITUDE = 85.0
 # WGS84: half the equator's diameter in metres, and the square of the eccentricity.
@@ -85,30 +84,24 @@ class Situation:
     start: datetime | None = None
     notes: tuple[str, ...] = ()
 
+    def __post_init__(self) -> None:
+        """Raise a ValueError if nothing can be made of it."""
+        if self.own.speed <= 0:
+            raise ValueError("own ship is at rest; allowed: a speed above 0")
+        if self.goal is not None and math.hypot(*self.goal) == 0:
+            raise ValueError("own ship's last waypoint is its start")
+
 
 def course_to(x: float, y: float) -> float:
     """Return the course (degrees) of a way of x metres east and y metres north."""
     return math.degrees(math.atan2(x, y)) % 360.0
 
 
-def turns_at_a_waypoint(places: Sequence[tuple[float, float]]) -> bool:
-    """Return whether the legs between places (m) have different courses."""
-    ways = [(x - west, y - south) for (west, south), (x, y) in pairwise(places) if (x, y) != (west, south)]
-    courses = [course_to(*way) for way in ways]
-    return any(abs((course - courses[0] + 180.0) % 360.0 - 180.0) > LEAST_TURN for course in courses)
-
-
-def number_of(value: object, least: float, most: float, where: str) -> float:
-    """Return a number within two bounds, or raise a ValueError that begins with `where`."""
-    if isinstance(value, bool) or not isinstance(value, int | float) or not least <= value <= most:
-        raise ValueError(f"{where}: must be a number from {least:g} to {most:g}, got {value!r:.40}")
-    return float(value)
-
-
-def refuse_impossible(situation: Situation) -> Situation:
-    """Return the situation, or raise a ValueError if nothing can be made of it."""
-    if situation.own.speed <= 0:
-        raise ValueError("own ship is at rest; allowed: a speed above 0")
-    if situation.goal is not None and math.hypot(*situation.goal) == 0:
-        raise ValueError("own ship's last waypoint is its start")
-    return situation
+def notes_on(routes: Iterable[Sequence[tuple[float, float]]]) -> tuple[str, ...]:
+    """Return a note if a target ship turns: if the legs between its waypoints (m) have different courses."""
+    for route in routes:
+        ways = ((x - west, y - south) for (west, south), (x, y) in pairwise(route) if (x, y) != (west, south))
+        courses = [course_to(*way) for way in ways]
+        if any(abs((course - courses[0] + 180.0) % 360.0 - 180.0) > LEAST_TURN for course in courses):
+            return ("a target ship turns at a waypoint; it keeps its first course",)
+    return ()

@@ -6,48 +6,32 @@ both. Angles, classes of encounter, and ratios of speeds and of lengths stay as 
 
 from __future__ import annotations
 
-import json
 import math
 import os
 import re
-from collections import Counter
+from collections import Counter, defaultdict
 from collections.abc import Iterator
+from contextlib import contextmanager
 from dataclasses import dataclass, field, replace
 from functools import cache
 from itertools import chain, count
 from pathlib import Path
-from typing import Any
 
 import numpy as np
-from omegaconf import OmegaConf
 from yaml import YAMLError
 
-from ship_trl.config.bounds import KNOT, NAUTICAL_MILE
+from ship_trl.config.bounds import KNOT, MAX_DISTANCE, NAUTICAL_MILE
 from ship_trl.config.errors import ConfigError, counted, print_error
 from ship_trl.config.paths import stem
 from ship_trl.config.schema import read_as
-from ship_trl.config.types import Perturbation, Situations, Targets, Traffic, World, plain
-from ship_trl.files.disk import read_file
-from ship_trl.files.untrusted import read_yaml
-from ship_trl.formats.maritime_schema import is_situation, read_situation
-from ship_trl.formats.ntnu import is_scenario, read_scenario
+from ship_trl.config.types import Changes, Perturbation, Situations, Targets, Traffic, World, plain
+from ship_trl.files.disk import read_file, read_json
+from ship_trl.files.untrusted import MAX_YAML_BYTES, read_yaml
+from ship_trl.formats.maritime_schema import read_situation
+from ship_trl.formats.ntnu import read_scenario
 from ship_trl.formats.situation import Ship, Situation
 from ship_trl.sim import cases
-from ship_trl.sim.cases import (
-    MAX_TARGET_SHIPS,
-    UNPERTURBED,
-    Case,
-    RecordedShip,
-    Scale,
-    Suite,
-    TargetShip,
-    check_case,
-    find_case,
-    is_suite,
-    load_world,
-    merge,
-    to_heading,
-)
+from ship_trl.sim.cases import Case, RecordedShip, Scale, Suite, TargetShip
 
 # Not in the name of a folder or file.
 UNNAMED = re.compile(r"[^\w.-]+")
@@ -68,41 +52,50 @@ ONSET, ONSET_TIME, CLEAR, USUAL_KNOTS = 4 / 3, 30.0, 2.0, 12.0
 # A faster target ship is told: networks were trained with up to 1.5.
 MAX_RATIO = 2.5
 SUFFIXES = (".json", ".yaml", ".yml", ".csv", ".zip", ".zst", ".nmea", ".txt", ".log")
-
-
 DEFAULT = Situations()
-
-
-@dataclass(frozen=True)
-class Changes:
-    """Keys of the world, a suite's traffic, the perturbation and situations, other than in YAML files."""
-
-    world: dict[str, Any] = field(default_factory=dict)
-    traffic: dict[str, Any] = field(default_factory=dict)
-    perturbation: Perturbation = UNPERTURBED
-    situations: Situations = DEFAULT
+# What there is to know is said once a process.
+tell = cache(print_error)
 
 
 @dataclass
 class Report:
-    """What became of a file or folder: cases, their situations by name, and what people should know."""
+    """What became of the file or folder `name`: cases, and what people should know."""
 
+    name: str
     cases: list[Case] = field(default_factory=list)
-    situations: dict[str, Situation] = field(default_factory=dict)
     refused: list[str] = field(default_factory=list)
-    notes: Counter[str] = field(default_factory=Counter)
+    notes: defaultdict[str, list[str]] = field(default_factory=lambda: defaultdict(list))
     counts: Counter[str] = field(default_factory=Counter)
 
+    @contextmanager
+    def refusing(self, where: str) -> Iterator[None]:
+        """Count what cannot be read, with the reason in one line that begins with `where`."""
+        try:
+            yield
+        except (ValueError, OverflowError, ConfigError, OSError, YAMLError) as error:
+            text = " ".join(str(error).split())
+            self.refused.append(text if text.startswith(where) else f"{where}: {text}")
+
+    def within(self, where: str) -> str:
+        """Return a place or line without the name of the whole file or folder."""
+        return where.removeprefix(self.name).lstrip(":/ ")
+
     def lines(self, world: World) -> list[str]:
-        """Return the notes, and one closing line."""
-        lines = [note if times == 1 else f"{note} ({times} times)" for note, times in self.notes.items()]
-        reasons = "; ".join(self.refused[:MAX_REASONS]) + "; ..." * (len(self.refused) > MAX_REASONS)
+        """Return the notes, each with the first place that it is of, and one closing line."""
+        lines = []
+        for note, places in self.notes.items():
+            times = f"{len(places)} times, first in " if len(places) > 1 else "in "
+            first = self.within(places[0])
+            lines.append(f"{note} ({times}{first})" if first else note)
+        reasons = "; ".join(map(self.within, self.refused[:MAX_REASONS]))
+        reasons += "; ..." * (len(self.refused) > MAX_REASONS)
         found = "".join(f"{n} {what}{'s' * (n != 1 and what.isalpha())}, " for what, n in self.counts.items())
-        counts = f"{found}{counted(len(self.cases), 'scene')}, {len(self.refused)} refused"
-        first = (
-            f"; the first: {scale.describe(world)}" if self.cases and (scale := self.cases[0].scale) else ""
-        )
-        return [*lines, f"{counts}: {reasons}{first}" if reasons else f"{counts}{first}"]
+        closing = f"{found}{counted(len(self.cases), 'scene')}, {len(self.refused)} refused"
+        if reasons:
+            closing += f": {reasons}"
+        if self.cases and (scale := self.cases[0].scale):
+            closing += f"; the first: {scale.describe(world)}"
+        return [*lines, closing]
 
 
 def is_foreign(name: str) -> bool:
@@ -116,7 +109,7 @@ def is_foreign(name: str) -> bool:
             return False
         if path.suffix.lower() in (".yaml", ".yml"):
             # A case's file is short; its keys are others.
-            return bool(re.search(rb"^ship_list:", read_file(path), re.MULTILINE))
+            return bool(re.search(rb"^ship_list:", read_file(path, MAX_YAML_BYTES), re.MULTILINE))
     except OSError:
         return False
     return True
@@ -124,7 +117,7 @@ def is_foreign(name: str) -> bool:
 
 def is_known(name: str) -> bool:
     """Return whether a name is that of a case or suite of ours, or empty."""
-    return not name or is_suite(name) or find_case(name) is not None
+    return not name or cases.is_suite(name) or cases.find_case(name) is not None
 
 
 def holds_situations(path: Path) -> bool:
@@ -141,7 +134,7 @@ def load_suite(
     name: str,
     world: World,
     key: str = "suite",
-    perturbation: Perturbation = UNPERTURBED,
+    perturbation: Perturbation = cases.UNPERTURBED,
     reading: Situations = DEFAULT,
 ) -> Suite:
     """Read a suite or case by name or path as `ship_trl.sim.cases.load_suite` does, or a file of other tools.
@@ -180,101 +173,72 @@ def load_changed(name: str, config: object = None, world: World | None = None) -
         ConfigError: a key is unknown or wrong, or the suite has no traffic to change.
     """
     changes = read_as(Changes, {} if config is None else config, key="config")
-    world = load_world(changes.world if world is None else merge(plain(world), changes.world, "world"))
+    world = cases.load_world(
+        changes.world if world is None else cases.merge(plain(world), changes.world, "world")
+    )
     suite = load_suite(name, world, "case", changes.perturbation, changes.situations)
     if changes.traffic:
         if suite.traffic is None:
             allowed = "suite traffic, or another of random encounters"
             raise ConfigError(f"traffic: {cases.describe(name)} draws no ships; allowed: {allowed}")
-        values = merge(plain(suite.traffic), changes.traffic, "traffic")
+        values = cases.merge(plain(suite.traffic), changes.traffic, "traffic")
         suite = replace(suite, traffic=read_as(Traffic, values, key="traffic"))
     return suite, world
 
 
-@cache
-def tell(line: str) -> None:
-    """Write a line on stderr, once a process."""
-    print_error(line)
-
-
 def read_cases(name: str, world: World, reading: Situations = DEFAULT) -> Report:
-    """Read a file or folder of other tools as cases.
-
-    A situation that cannot be a case is counted and left out, unless it is the only one.
+    """Read a file or folder of other tools as cases; what cannot be a case is counted and left out.
 
     Raises:
-        ConfigError: nothing can be read, or no case is left.
+        ConfigError: no case is left.
     """
-    path, report = Path(name), Report()
-    for situation in situations_of(path, world, reading, report):
-        try:
-            case = to_case(situation, world, reading, report.notes)
-            check_case(case, world, situation.name)
-        except (ValueError, ConfigError) as error:
-            report.refused.append(str(error))
-            continue
-        # Of scenes of one name the later ones are numbered.
-        names = chain([case.name], (f"{case.name}-{number}" for number in count(2)))
-        case.name = next(name for name in names if name not in report.situations)
-        report.cases.append(case)
-        report.situations[case.name] = situation
-    recorded = (ship for case in report.cases for ship in case.target_ships if isinstance(ship, RecordedShip))
-    for number, ship in enumerate(recorded):
-        ship.number = number
-    if not report.cases:
-        raise ConfigError(f"{name}: no scene is left; {report.lines(world)[-1]}")
-    return report
-
-
-def situations_of(path: Path, world: World, reading: Situations, report: Report) -> Iterator[Situation]:
-    """Yield the situations of a file, or of all files of a folder in the order of their names."""
+    path, report, taken = Path(name), Report(name), set[str]()
     files = [path]
     if path.is_dir():
         files = sorted(one for one in path.iterdir() if is_read(one) and not one.is_dir())
     if not files:
         raise ConfigError(f"{path}: has no file of situations; allowed: {', '.join(SUFFIXES)}")
     for file in files:
-        try:
-            yield from read_file_of(file, world, reading, report)
-        except (ValueError, ConfigError, OSError, YAMLError) as error:
-            text = " ".join(str(error).split())
-            text = text if text.startswith(str(file)) else f"{file}: {text}"
-            if len(files) == 1:
-                raise ConfigError(text) from None
-            report.refused.append(text)
+        with report.refusing(str(file)):
+            for situation in situations_of(file, world, reading, report):
+                where = str(file) if situation.name == stem(file) else f"{file}: {situation.name}"
+                with report.refusing(where):
+                    notes = list(situation.notes)
+                    case = to_case(situation, world, reading, notes)
+                    cases.check_case(case, world, where)
+                    for note in notes:
+                        report.notes[note].append(where)
+                    # Of scenes of one name the later ones are numbered.
+                    names = chain([case.name], (f"{case.name}-{number}" for number in count(2)))
+                    case.name = next(name for name in names if name not in taken)
+                    taken.add(case.name)
+                    report.cases.append(case)
+    recorded = (ship for case in report.cases for ship in case.target_ships if isinstance(ship, RecordedShip))
+    for number, ship in enumerate(recorded):
+        ship.number = number
+    if not report.cases:
+        line = report.lines(world)[-1]
+        raise ConfigError(
+            report.refused[0] if len(report.refused) == 1 else f"{name}: no scene is left; {line}"
+        )
+    return report
 
 
-def read_file_of(file: Path, world: World, reading: Situations, report: Report) -> Iterator[Situation]:
-    """Yield the situations of a file, told by its content."""
+def situations_of(file: Path, world: World, reading: Situations, report: Report) -> Iterator[Situation]:
+    """Yield the situations of a file, told by its content; those of a list are refused one by one."""
     with file.open("rb") as opened:
         head = opened.read(4096)
-    text = head.lstrip(b"\xef\xbb\xbf \t\r\n")
-    if text.startswith((b"{", b"[")):
-        try:
-            values = json.loads(read_file(file, MAX_JSON_BYTES))
-        except RecursionError:
-            raise ValueError("nested too deep") from None
+    if head.lstrip(b"\xef\xbb\xbf \t\r\n").startswith((b"{", b"[")):
+        values = read_json(file, MAX_JSON_BYTES)
         found = values if isinstance(values, list) else [values]
         for number, one in enumerate(found):
-            suffix = "" if len(found) == 1 else f"-{number + 1}"
-            try:
-                if not is_situation(one):
-                    raise ValueError("is JSON without an ownShip; allowed: a traffic situation")
-                situation = read_situation(one, f"{stem(file)}{suffix}")
-            except ValueError as error:
-                if len(found) == 1:
-                    raise
-                report.refused.append(f"{file}: [{number}]: {error}")
-                continue
-            yield situation
-        return
-    if file.suffix.lower() in (".yaml", ".yml"):
-        scenario: Any = OmegaConf.to_container(read_yaml(file))
-        if not is_scenario(scenario):
-            raise ValueError("is YAML without a ship_list; allowed: a scenario of NTNU's simulator")
-        yield read_scenario(scenario, stem(file))
-        return
-    yield from read_traffic(file, head, world, reading, report)
+            is_only = len(found) == 1
+            with report.refusing(str(file) if is_only else f"{file}: [{number}]"):
+                yield read_situation(one, stem(file) if is_only else f"{stem(file)}-{number + 1}")
+    elif file.suffix.lower() in (".yaml", ".yml"):
+        yield read_scenario(read_yaml(file), stem(file))
+    else:
+        yield from read_traffic(file, head, world, reading, report)
 
 
 def read_traffic(
@@ -283,12 +247,7 @@ def read_traffic(
     """Yield the encounters of a table of AIS positions, or of NMEA sentences."""
     from ship_trl.formats import ais, tracks
 
-    if re.search(rb"[!$]..VD[MO],", head):
-        fixes = ais.read_nmea(file)
-    elif ais.is_table(head) or file.suffix.lower() in (".csv", ".zip", ".zst"):
-        fixes = ais.read_table(file)
-    else:
-        raise ValueError("is of no known format; allowed: a traffic situation, an NTNU scenario, AIS")
+    fixes = ais.read_nmea(file) if re.search(rb"[!$]..VD[MO],", head) else ais.read_table(file)
     length = reading.safe * NAUTICAL_MILE / world.safe_distance
     straight = world.actions[world.straight_action][0]
     time, way = length / (USUAL_KNOTS * KNOT / straight), straight * world.dt * world.max_steps
@@ -301,15 +260,17 @@ def read_traffic(
     if found.slow:
         report.counts["whose own ship makes less than 3 knots"] += found.slow
     if found.turned:
-        report.notes[f"{found.turned} of {found.ships} target ships turned more than 10 degrees"] += 1
+        report.notes[f"{found.turned} of {found.ships} target ships turned more than 10 degrees"].append(
+            str(file)
+        )
     yield from found.situations
 
 
-def to_case(situation: Situation, world: World, reading: Situations, notes: Counter[str]) -> Case:
-    """Return a situation as a case, with its scale.
+def to_case(situation: Situation, world: World, reading: Situations, notes: list[str]) -> Case:
+    """Return a situation as a case, with its scale; what people should know is added to `notes`.
 
     Raises:
-        ValueError: it has too many target ships.
+        ValueError: it has too many target ships, or one that starts too near or too far away.
     """
     straight, _ = world.actions[world.straight_action]
     scale = Scale(
@@ -318,22 +279,25 @@ def to_case(situation: Situation, world: World, reading: Situations, notes: Coun
         "" if situation.start is None else situation.start.isoformat(sep=" ", timespec="seconds"),
         situation.origin,
     )
-    if len(situation.targets) > MAX_TARGET_SHIPS:
-        raise ValueError(
-            f"{situation.name}: has {len(situation.targets)} target ships; allowed: {MAX_TARGET_SHIPS}"
-        )
+    if len(situation.targets) > cases.MAX_TARGET_SHIPS:
+        raise ValueError(f"has {len(situation.targets)} target ships; allowed: {cases.MAX_TARGET_SHIPS}")
     ships: list[TargetShip] = []
-    for ship in situation.targets:
+    for number, ship in enumerate(situation.targets, 1):
+        away = math.hypot(ship.x, ship.y) / NAUTICAL_MILE
+        farthest = MAX_DISTANCE * scale.length / NAUTICAL_MILE
+        if not reading.safe <= away <= farthest:
+            allowed = f"the safe distance of {reading.safe:g} NM (situations.safe) to {farthest:.0f} NM"
+            raise ValueError(f"target ship {number} starts {away:.2f} NM from own ship; allowed: {allowed}")
         speed = ship.speed / scale.speed
-        start = ship.x / scale.length, ship.y / scale.length, to_heading(ship.course), speed
+        start = ship.x / scale.length, ship.y / scale.length, cases.to_heading(ship.course), speed
         if reading.targets is Targets.replay and ship.track is not None:
             ships.append(RecordedShip(*start, path=path_of(ship, scale, world)))
         else:
             ships.append(TargetShip(*start))
         if speed > MAX_RATIO * straight:
-            notes[f"a target ship is more than {MAX_RATIO:g} times as fast as own ship"] += 1
+            notes.append(f"a target ship is more than {MAX_RATIO:g} times as fast as own ship")
     if not ships:
-        notes["a situation has no target ship"] += 1
+        notes.append("a situation has no target ship")
     course = math.radians(situation.own.course)
     x, y = situation.goal or (math.sin(course), math.cos(course))
     # As far as own ship gets with some steps left for a detour; without a goal, as in the paper's cases.
@@ -341,14 +305,12 @@ def to_case(situation: Situation, world: World, reading: Situations, notes: Coun
     away = math.hypot(x, y)
     distance = GOAL_AHEAD if situation.goal is None else min(away / scale.length, most)
     if situation.goal is not None and away / scale.length > most:
-        notes["own ship's goal lies farther away than an episode lasts; it is moved nearer"] += 1
+        notes.append("own ship's goal lies farther away than an episode lasts; it is moved nearer")
     goal = [x / away * distance, y / away * distance]
-    for note in situation.notes:
-        notes[note] += 1
     name = re.sub(UNNAMED, "_", situation.name)[:80]
     return Case(
         [0.0, 0.0],
-        to_heading(situation.own.course),
+        cases.to_heading(situation.own.course),
         goal,
         FOREIGN,
         ships,

@@ -5,7 +5,6 @@ Ships are numbered, own ship is 1: no name, call sign or MMSI of a real ship is 
 
 from __future__ import annotations
 
-import io
 import math
 from datetime import UTC, datetime, timedelta
 
@@ -14,39 +13,17 @@ from torch import Tensor
 
 from ship_trl.config.bounds import KNOT, NAUTICAL_MILE
 from ship_trl.config.types import Situations, World
-from ship_trl.formats.situation import Plane, Ship, Situation, course_to
+from ship_trl.formats.situation import Plane, Ship, Situation
+from ship_trl.sim import state as layout
 from ship_trl.sim.cases import Case, Scale
-from ship_trl.sim.state import (
-    HEADING,
-    SHIP_COUNT,
-    SHIP_HEADING,
-    SHIP_SPEED,
-    SHIP_X,
-    SHIP_Y,
-    SPEED,
-    X,
-    Y,
-    target_ships,
-)
 
 # Where a case has no time and place: its scale is that of own ship at this speed (knots).
 KNOTS, START, PLACE = 12.0, datetime(2025, 1, 1, tzinfo=UTC), (0.0, 0.0)
 # Seconds between rows of a table, as class A sends them at most speeds; the first number of its ships.
 AIS_SECONDS, FIRST_MMSI = 10, 200_000_000
 AIS_COLUMNS = (
-    *(
-        "mmsi",
-        "base_date_time",
-        "longitude",
-        "latitude",
-        "sog",
-        "cog",
-        "heading",
-        "vessel_name",
-        "imo",
-        "call_sign",
-    ),
-    *("vessel_type", "status", "length", "width", "draft", "cargo", "transceiver"),
+    "mmsi,base_date_time,longitude,latitude,sog,cog,heading,vessel_name,imo,call_sign,vessel_type,status,"
+    "length,width,draft,cargo,transceiver"
 )
 
 
@@ -58,9 +35,11 @@ def situation_of(case: Case, states: Tensor, world: World) -> Situation:
     start = datetime.fromisoformat(scale.start) if scale.start else START
     seconds = np.arange(len(states)) * world.dt * scale.time
     states = states.double()
-    count = int(states[0, SHIP_COUNT])
-    own = states[:, [X, Y, HEADING, SPEED]]
-    others = target_ships(states)[:, :count, [SHIP_X, SHIP_Y, SHIP_HEADING, SHIP_SPEED]]
+    count = int(states[0, layout.SHIP_COUNT])
+    own = states[:, [layout.X, layout.Y, layout.HEADING, layout.SPEED]]
+    others = layout.target_ships(states)[
+        :, :count, [layout.SHIP_X, layout.SHIP_Y, layout.SHIP_HEADING, layout.SHIP_SPEED]
+    ]
     ships = []
     for rows in (own, *others.unbind(1)):
         x, y = (rows[:, :2] - own[0, :2]).numpy().T * scale.length
@@ -80,18 +59,15 @@ def write_ais(situation: Situation) -> str:
         assert ship.track is not None
         seconds, x, y = ship.track.T
         # Whole seconds, as stamps have; a ship keeps its course within a step.
-        for second in range(0, int(seconds[-1]) + 1, AIS_SECONDS):
-            step = min(int(np.searchsorted(seconds, second, side="right")), len(seconds) - 1)
-            way, time = (x[step] - x[step - 1], y[step] - y[step - 1]), seconds[step] - seconds[step - 1]
-            latitude, longitude = plane.to_degrees(
-                np.interp(second, seconds, x), np.interp(second, seconds, y)
-            )
+        times = np.arange(0, int(seconds[-1]) + 1, AIS_SECONDS)
+        steps = np.searchsorted(seconds, times, side="right").clip(max=len(seconds) - 1) - 1
+        latitudes, longitudes = plane.to_degrees(np.interp(times, seconds, x), np.interp(times, seconds, y))
+        speeds = np.hypot(np.diff(x), np.diff(y)) / np.diff(seconds) / KNOT
+        courses = np.degrees(np.arctan2(np.diff(x), np.diff(y))).round(1) % 360.0
+        for second, latitude, longitude, step in zip(
+            times.tolist(), latitudes, longitudes, steps, strict=True
+        ):
             stamp = (start + timedelta(seconds=second)).strftime("%Y-%m-%d %H:%M:%S")
-            speed, course = math.hypot(*way) / time / KNOT, course_to(*way)
-            cells = (f"{longitude:.6f}", f"{latitude:.6f}", f"{speed:.1f}", f"{round(course, 1) % 360:.1f}")
-            rows.append((second, number, stamp, cells))
-    text = io.StringIO()
-    text.write(",".join(AIS_COLUMNS) + "\n")
-    for _, number, stamp, cells in sorted(rows):
-        text.write(f"{FIRST_MMSI + number},{stamp},{','.join(cells)},,,,,,0,,,,,A\n")
-    return text.getvalue()
+            place = f"{longitude:.6f},{latitude:.6f},{speeds[step]:.1f},{courses[step]:.1f}"
+            rows.append((second, number, f"{FIRST_MMSI + number},{stamp},{place},,,,,,0,,,,,A"))
+    return "\n".join((AIS_COLUMNS, *(row for _, _, row in sorted(rows)), ""))

@@ -13,15 +13,16 @@ from collections import Counter
 from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
+from typing import NamedTuple
 
 from yaml import YAMLError
 
 from ship_trl.config.errors import ConfigError, print_error
 from ship_trl.config.schema import read_as
-from ship_trl.config.types import Perturbation, Situations, World
+from ship_trl.config.types import Changes, Perturbation, World
 from ship_trl.files.record import RESULT
 from ship_trl.files.untrusted import read_changes
-from ship_trl.formats.suites import load_suite
+from ship_trl.formats.suites import DEFAULT, load_suite
 from ship_trl.policies.pretrained import PRETRAINED, Pretrained, find, is_pretrained, networks
 from ship_trl.policies.registry import Entry, kind_of
 from ship_trl.run.plan import read_settings
@@ -38,29 +39,13 @@ def find_entries(words: list[str], colour: bool) -> list[Entry]:
     """
     # A path may contain an equals sign, for example seed=0.
     names = [w for w in words if not re.match(r"[\w.]+=", w) or Path(w.rpartition(":")[0] or w).exists()]
-    given: dict[str, list[str]] = {"target": [], "perturbation": [], "world": [], "situations": []}
-    for word in (word for word in words if word not in names):
-        group, found, rest = word.partition("=" if word.startswith("target=") else ".")
-        if group not in given or not found or (group == "target") != (found == "="):
-            key = word.partition("=")[0]
-            raise ConfigError(
-                f"{key}: unknown key; allowed here: target, perturbation.KEY, world.KEY, situations.KEY"
-            )
-        given[group].append(rest)
-    if len(given["target"]) > 1:
-        raise ConfigError("target: given twice; allowed: target=CASE once, with commas between several cases")
-    bounds = dict(word.split("=", 1) for word in given["perturbation"])
-    perturbation = read_as(Perturbation, bounds, key="perturbation")
-    situations = dict(word.split("=", 1) for word in given["situations"])
-    reading = read_as(Situations, situations, key="situations")
+    given = find_suites([word for word in words if word not in names])
+    targets, world, changes = given.suites, given.world, given.changes
     if not names:
         raise ConfigError("policy: none given; for example pretrained:traffic; --help lists all")
-    world = read_world(given["world"])
-    suites = [name for value in given["target"] for name in value.split(",") if name]
-    targets = [load_suite(name, world, "target", perturbation, reading) for name in suites]
     folders = [name for name in names if not is_pretrained(name) and Path(name).is_dir()]
-    trained = {name: folder_entries(Path(name), targets, perturbation) for name in folders}
-    if trained and given["world"]:
+    trained = {name: folder_entries(Path(name), targets, changes) for name in folders}
+    if trained and changes.world:
         raise ConfigError("world: a result folder has its own; allowed with other policies: world.KEY")
     # Runs of two folders may have the same name.
     labels = Counter(label for runs in trained.values() for label in {one.label for one in runs})
@@ -68,7 +53,7 @@ def find_entries(words: list[str], colour: bool) -> list[Entry]:
     entries: list[Entry] = []
     for name in names:
         if is_pretrained(name):
-            entries += bundled_entries(name, targets, world, perturbation)
+            entries += bundled_entries(name, targets, world, changes.perturbation)
         elif name in trained:
             entries += [
                 replace(one, label=f"{name}: {one.label}") if labels[one.label] > 1 else one
@@ -78,6 +63,45 @@ def find_entries(words: list[str], colour: bool) -> list[Entry]:
             own = targets or list({one.suite.fingerprint: one.suite for one in entries}.values())
             entries += named_entries(name, own, world, colour)
     return entries
+
+
+class Given(NamedTuple):
+    """What words such as target=CASE and situations.KEY=VALUE say: suites by their names, and their world."""
+
+    names: list[str]
+    suites: list[Suite]
+    world: World
+    changes: Changes
+
+
+def find_suites(
+    words: list[str], groups: Sequence[str] = ("perturbation", "world", "situations"), default: str = ""
+) -> Given:
+    """Read the words of a command line that say what to act in: target=CASE, and keys of some groups.
+
+    Without a target the suites are those of `default`, if there is one.
+
+    Raises:
+        ConfigError: a word is no such key, or a value is wrong.
+    """
+    targets = [word.removeprefix("target=") for word in words if word.startswith("target=")]
+    keys = [word for word in words if not word.startswith("target=")]
+    for word in keys:
+        if not re.match(rf"({'|'.join(groups)})\.\w", word):
+            allowed = ", ".join(("target", *(f"{group}.KEY" for group in groups)))
+            raise ConfigError(f"{word.partition('=')[0]}: unknown key; allowed here: {allowed}")
+    if len(targets) > 1:
+        raise ConfigError("target: given twice; allowed: target=CASE once, with commas between several cases")
+    try:
+        changes = read_as(Changes, read_changes(keys))
+    except YAMLError as error:
+        names = ", ".join(word.partition("=")[0] for word in keys)
+        raise ConfigError(f"{names}: not readable: {' '.join(str(error).split())}") from None
+    world = load_world(changes.world)
+    # Without a default there may be no suite.
+    names = [name for name in (targets or [default])[0].split(",") if name or default]
+    suites = [load_suite(name, world, "target", changes.perturbation, changes.situations) for name in names]
+    return Given(names, suites, world, changes)
 
 
 def named_entries(name: str, suites: list[Suite], world: World, colour: bool) -> list[Entry]:
@@ -94,18 +118,6 @@ def named_entries(name: str, suites: list[Suite], world: World, colour: bool) ->
     return [Entry(name, name, suite, world, colour) for suite in suites]
 
 
-def read_world(changes: list[str]) -> World:
-    """Return the paper's world with changes such as "turn_time=4".
-
-    Raises:
-        ConfigError: a key is unknown or its value is not allowed.
-    """
-    try:
-        return load_world(read_changes(changes))
-    except YAMLError as error:
-        raise ConfigError(f"world: not readable: {' '.join(str(error).split())}") from None
-
-
 def bundled_entries(name: str, targets: list[Suite], world: World, perturbation: Perturbation) -> list[Entry]:
     """Return the bundled networks, on `targets` or each on its own, with the return that each claims."""
     if targets:
@@ -120,7 +132,7 @@ def bundled_entries(name: str, targets: list[Suite], world: World, perturbation:
     ]
 
 
-def folder_entries(folder: Path, targets: list[Suite], perturbation: Perturbation) -> list[Entry]:
+def folder_entries(folder: Path, targets: list[Suite], changes: Changes) -> list[Entry]:
     """Return the networks of all results in a folder and below, on `targets` or on their own target.
 
     Where starts are perturbed, no return is claimed: the run was evaluated on others.
@@ -132,15 +144,17 @@ def folder_entries(folder: Path, targets: list[Suite], perturbation: Perturbatio
     for run in readable:
         place = run.folder
         world, colour, trained, reading = read_settings(place)
-        bounds = trained if perturbation.is_none else perturbation
+        bounds = trained if changes.perturbation.is_none else changes.perturbation
+        reading = reading if changes.situations == DEFAULT else changes.situations
         target = f"{place / RESULT}: target"
         suites = targets or [load_suite(locate(run.target, place), world, target, bounds, reading)]
+        is_other = bool(targets) or changes.situations != DEFAULT
         label = f"{run.label} {run.name} seed {run.seed}"
         for file, key, claim in ((POLICY, "best", run.best), (POLICY_LAST, "final", run.final)):
             if not (place / file).is_file():
                 print_error(f"{place / file} is missing; left out")
                 continue
-            claimed = None if targets or suites[0].is_drawn else claim.episode_return
+            claimed = None if is_other or suites[0].is_drawn else claim.episode_return
             name = f"{label}, {key}"
             found += [Entry(str(place / file), name, suite, world, colour, claimed) for suite in suites]
     if not found:

@@ -76,5 +76,5 @@ def test_no_source_is_recommended_where_none_is_similar(
     # What an encounter of another tool has: nobody knows the ideal path.
     sources = [replace(load_case(name, world), ideal_path=f"path {name}") for name in ("1", "2")]
     target = replace(load_case("4", world), ideal_path="unknown", target_ships=[], name="foreign")
-    show_ranking(target, "foreign", sources[1:], world, "similarity", CaseBase(tmp_path))
+    show_ranking(target, ["target=foreign"], sources[1:], world, "similarity", CaseBase(tmp_path))
     assert "By the paper's rule: no case is similar to case foreign.\n" in capsys.readouterr().out

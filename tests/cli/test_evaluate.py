@@ -206,7 +206,7 @@ def failing(env, seed):
             "mine.py:failing target=2",
             'policy: mine.py:failing fails: KeyError: \'key "wind" not found in TensorDict',
         ),
-        ("vo target=2 world.turn_time=[", "world: not readable: "),
+        ("vo target=2 world.turn_time=[", "world.turn_time: not readable: "),
     ],
 )
 def test_wrong_input_is_refused(

@@ -18,7 +18,7 @@ SITUATION = """{
     ("words", "told"),
     [
         (["target=nowhere"], "target: no case or suite nowhere; allowed: 1, 2"),
-        (["4"], "target: must be given as target=CASE|SUITE, got 4"),
+        (["4"], "4: unknown key; allowed here: target, situations.KEY"),
         ([], f"{NO_SCREEN}; python -m ship_trl evaluate"),
         (["target=imazu"], NO_SCREEN),
     ],

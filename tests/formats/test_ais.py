@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
+import io
+import tempfile
 import zipfile
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 import pandas
@@ -14,7 +15,8 @@ from hypothesis import strategies as st
 
 from ship_trl.config.bounds import KNOT
 from ship_trl.config.errors import ConfigError
-from ship_trl.formats.ais import Fixes, read_frame, read_nmea, read_table
+from ship_trl.formats import ais
+from ship_trl.formats.ais import MAX_LINE, Fixes, read_frame, read_nmea, read_table, sort_fixes, table_parts
 from tests.formats.traffic import (
     CROSSING,
     START,
@@ -59,39 +61,95 @@ def test_zstandard_is_read(tmp_path: Path) -> None:
     same(read_table(tmp_path / "b.csv.zst"), read_table(plain))
 
 
-@given(st.randoms(use_true_random=False))
+@given(st.permutations(range(len(ROWS))), st.sampled_from(sorted(TABLES)))
 @settings(max_examples=10)
-def test_rows_in_any_order_give_the_same_fixes(random: Any) -> None:
-    order = list(range(len(ROWS)))
-    random.shuffle(order)
-    table = danish(ROWS)
-    same(read_frame(table.iloc[order]), read_frame(table))
+def test_rows_in_any_order_give_the_same_fixes(order: list[int], kind: str) -> None:
+    table = TABLES[kind][0](ROWS)
+    # Some seconds twice, with other values.
+    table = pandas.concat([table, table.iloc[:9].iloc[::-1].set_axis(table.index[:9])], ignore_index=True)
+    shuffled = read_frame(table.iloc[[*order, *range(len(ROWS), len(table))][::-1]])
+    for one, other in zip(shuffled, read_frame(table), strict=True):
+        np.testing.assert_array_equal(one, other)
 
 
-# Nothing available, and what no message can hold; see docs/formats.md.
-@pytest.mark.parametrize("value", [102.3, 102.2, 63.0, 1023, -0.1, None, "Unknown"])
-def test_a_speed_that_is_none_is_missing(value: object) -> None:
-    table = danish(ROWS).astype({"SOG": object})
-    table.loc[0, "SOG"] = value
-    speed = read_frame(table).speed
-    assert np.isnan(speed[0]) and np.isfinite(speed[1:]).all()
+@pytest.mark.parametrize("packed", [False, True])
+def test_a_line_without_an_end_is_refused_by_its_number(packed: bool, tmp_path: Path) -> None:
+    path, line = write(tmp_path / "a.csv", ROWS, "danish"), "a" * 10 * MAX_LINE
+    path.write_text(f"{path.read_text()}{line}\n")
+    if packed:
+        with zipfile.ZipFile(tmp_path / "b.zip", "w", zipfile.ZIP_DEFLATED) as archive:
+            archive.write(path, "a.csv")
+        path = tmp_path / "b.zip"
+    with pytest.raises(ConfigError) as caught:
+        read_table(path)
+    assert str(caught.value) == f"{path}: line {len(ROWS) + 2}: is too long; allowed: {MAX_LINE} bytes"
 
 
-@pytest.mark.parametrize("value", [360.0, 511, 409.5, -1.0, 3600, None, ""])
-def test_a_course_that_is_none_is_missing(value: object) -> None:
-    table = danish(ROWS).astype({"COG": object})
-    table.loc[0, "COG"] = value
-    course = read_frame(table).course
-    assert np.isnan(course[0]) and np.isfinite(course[1:]).all()
+@pytest.mark.parametrize("piece", [50, 333])
+def test_pieces_give_the_same_fixes_and_number_rows_alike(
+    piece: int, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    path = write(tmp_path / "a.csv", ROWS, "danish_old")
+    whole = read_table(path)
+    monkeypatch.setattr(ais, "PIECE", piece)
+    same(read_table(path), whole)
+    lines = path.read_text().splitlines()
+    path.write_text("\n".join([*lines[:20], lines[20].replace("/2025 ", "/never "), *lines[21:]]))
+    with pytest.raises(ConfigError, match="time: row 21: got 01/06/never"):
+        read_table(path)
 
 
-@pytest.mark.parametrize(
-    ("column", "value"), [("Latitude", 91.0), ("Longitude", 181.0), ("MMSI", 2190047), ("MMSI", 992191234)]
-)
-def test_a_row_without_a_place_or_a_ship_is_left_out(column: str, value: float) -> None:
-    table = danish(ROWS)
-    table.loc[0, column] = value
-    assert len(read_frame(table).ship) == len(ROWS) - 1
+def test_a_packed_folder_is_refused(tmp_path: Path) -> None:
+    with zipfile.ZipFile(tmp_path / "a.zip", "w") as archive:
+        for name in ("a.csv", "b.csv"):
+            archive.writestr(name, "mmsi\n")
+    with pytest.raises(ConfigError, match=r"a\.zip: holds 2 files; allowed: one table"):
+        read_table(tmp_path / "a.zip")
+
+
+# Nothing available, and what no message can hold, also as raw numbers: what docs/foreign.md tells of.
+WORDS = [None, "", "Unknown", "Unknown value", "Undefined", "nan", "-"]
+SPEEDS = [102.3, 102.2, 1023, 63.0, -0.1, *WORDS]
+COURSES = [360.0, 3600, 511, 409.5, *WORDS]
+PLACES = {"lat": [91.0, -91, 90.1, 181, 54_600_000, *WORDS], "lon": [181.0, -181, 181.5, 108_600_000, *WORDS]}
+SHIPS = [2190047, 992191234, 0, 1_193_046_471, *WORDS]
+SENTINELS = [
+    *(("sog", value) for value in SPEEDS),
+    *(("cog", value) for value in COURSES),
+    *((column, value) for column, values in PLACES.items() for value in values),
+    *(("mmsi", value) for value in SHIPS),
+]
+
+
+@given(st.sampled_from(sorted(TABLES)), st.sampled_from(SENTINELS), st.integers(0, len(ROWS) - 1))
+@settings(max_examples=50)
+def test_what_is_not_available_is_missing_in_every_table_and_row(
+    kind: str, sentinel: tuple[str, object], row: int
+) -> None:
+    column, value = sentinel
+    make_table, delimiter = TABLES[kind]
+    whole = make_table(ROWS)
+    table = whole.astype(object)
+    # The tables' names of the columns begin alike.
+    name = next(one for one in table.columns if one.lower().startswith(column))
+    table.loc[row, name] = value
+    wanted, found = read_frame(whole), read_frame(table)
+    text = io.BytesIO(table.to_csv(index=False, sep=delimiter).encode())
+    same(found, sort_fixes(table_parts(text, Path("a.csv"))))
+    if column in ("sog", "cog"):
+        one, other = (fixes.speed if column == "sog" else fixes.course for fixes in (found, wanted))
+        (place,) = np.flatnonzero(np.isnan(one))
+        assert len(one) == len(other) and np.array_equal(np.delete(one, place), np.delete(other, place))
+        assert (found.time[place], found.ship[place]) == (ROWS.time[row], ROWS.mmsi[row] - ROWS.mmsi.min())
+    else:
+        assert len(found.ship) == len(wanted.ship) - 1
+        assert np.count_nonzero(found.time == ROWS.time[row]) == 1
+
+
+@given(st.sampled_from(["Heading", "ROT", "Navigational status"]), st.sampled_from([511, -128, 127, *WORDS]))
+@settings(max_examples=10)
+def test_other_columns_say_nothing(column: str, value: object) -> None:
+    same(read_frame(danish(ROWS).assign(**{column: value})), read_frame(danish(ROWS)))
 
 
 def test_only_ships_with_class_a_or_b_are_kept() -> None:
@@ -109,6 +167,15 @@ def test_old_courses_that_wrapped_are_put_right_and_the_missing_one_is_missing()
     new = marinecadastre_new(ROWS)
     new.loc[0, "cog"] = -64.6
     assert np.isnan(read_frame(new).course[0])
+
+
+@given(st.integers(-2048, -1))
+@settings(max_examples=30)
+def test_every_old_course_below_zero_is_right_or_missing(tenths: int) -> None:
+    table = marinecadastre_old(ROWS)
+    table.loc[0, "COG"] = tenths / 10
+    course, wanted = read_frame(table).course[0], (tenths + 4096) / 10
+    assert np.isnan(course) if wanted >= 360 else course == pytest.approx(wanted, abs=1e-4)
 
 
 def test_of_one_second_one_fix_is_kept() -> None:
@@ -194,6 +261,34 @@ def test_sentences_give_the_fixes_of_a_table(message: int, tmp_path: Path) -> No
     np.testing.assert_array_equal(found.time, wanted.time)
     np.testing.assert_allclose(found.course, wanted.course, atol=1)
     np.testing.assert_allclose(found.speed, wanted.speed, atol=0.01)
+
+
+@given(
+    st.sampled_from([1, 2, 3, 18, 19, 27]),
+    st.sampled_from([("speed", 102.3), ("speed", 102.2), ("course", 360), ("lat", 91), ("lon", 181)]),
+)
+@settings(max_examples=20)
+def test_what_a_sentence_has_not_is_missing(message: int, sentinel: tuple[str, float]) -> None:
+    # A long-range report has whole knots and degrees, and sentinels of its own.
+    column, value = sentinel
+    if message == 27:
+        value = {"speed": 63, "course": 511}.get(column, value)
+    names = {"speed": "sog", "course": "cog"}
+    table = ROWS.iloc[[0]].assign(**{names.get(column, column): float(value)})
+    with tempfile.NamedTemporaryFile(suffix=".nmea") as file:
+        file.write("\n".join(nmea(table, message)).encode())
+        file.flush()
+        fixes = read_nmea(Path(file.name))
+    assert len(fixes.ship) == (column in names)
+    if column in names:
+        missing = fixes.speed if column == "speed" else fixes.course
+        assert np.isnan(missing).all() and np.isfinite([fixes.speed, fixes.course]).sum() == 1
+
+
+def test_a_sentence_without_an_end_is_refused(tmp_path: Path) -> None:
+    (tmp_path / "a.nmea").write_text("\n".join([*nmea(ROWS.iloc[:3], 1), "a" * 10 * MAX_LINE]))
+    with pytest.raises(ConfigError, match=f"line 4: is too long; allowed: {MAX_LINE} bytes"):
+        read_nmea(tmp_path / "a.nmea")
 
 
 def test_sentences_without_a_time_are_refused(tmp_path: Path) -> None:

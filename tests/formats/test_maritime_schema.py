@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import math
+import re
 from pathlib import Path
 from typing import Any
 
@@ -13,6 +14,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from ship_trl.config.bounds import KNOT
+from ship_trl.config.errors import ConfigError
 from ship_trl.formats.maritime_schema import read_situation, write_situation
 from ship_trl.formats.situation import Plane, Ship, Situation
 
@@ -71,21 +73,29 @@ def test_a_target_ship_that_turns_is_noted_and_one_that_does_not_is_not() -> Non
 @pytest.mark.parametrize(
     ("own", "message"),
     [
-        ({"initial": {"sog": 1, "cog": 1}}, "ownShip: has no position"),
-        (ship(91, 11, sog=1, cog=1), "ownShip.initial.position.lat: must be a number from -85 to 85, got 91"),
-        (ship(56, 181, sog=1, cog=1), "ownShip.initial.position.lon: must be a number from -180 to 180"),
-        (ship(56, 11, cog=1), "ownShip: has no speed"),
+        ({"initial": {"sog": 1, "cog": 1}}, "ownShip.initial.position.lat: missing; a value is needed"),
+        (
+            ship(91, 11, sog=1, cog=1),
+            "ownShip.initial.position.lat: must be less than or equal to 85, got 91",
+        ),
+        (
+            ship(56, 181, sog=1, cog=1),
+            "ownShip.initial.position.lon: must be less than or equal to 180, got 181",
+        ),
+        (ship(56, 11, cog=1), "ownShip.initial.sog: missing; a value is needed"),
         (ship(56, 11, sog=1), "ownShip: has no course"),
         (ship(56, 11, sog=0, cog=1), "own ship is at rest"),
-        (ship(56, 11, sog=103, cog=1), "speed in knots: must be a number from 0 to 102.2, got 103"),
-        (ship(56, 11, sog=1, cog=361), "ownShip.initial.cog: must be a number from 0 to 360, got 361"),
+        (ship(56, 11, sog=103, cog=1), "ownShip.initial.sog: must be less than or equal to 102.2, got 103"),
+        (ship(56, 11, sog=math.nan, cog=1), "ownShip.initial.sog: must be a finite number, got NaN"),
+        (ship(56, 11, sog=True, cog=1), "ownShip.initial.sog: must be a valid number, got true"),
+        (ship(56, 11, sog=1, cog=361), "ownShip.initial.cog: must be less than or equal to 360, got 361"),
         (path((56, 11), (56, 11), leg={"sog": 1}), "ownShip.waypoints[1]: is the same place as waypoints[0]"),
-        ({"initial": []} | {"waypoints": 3}, "ownShip.waypoints: must be a list"),
-        (7, "ownShip: must be a mapping"),
+        (ship(56, 11, sog=1, cog=1) | {"waypoints": 3}, "ownShip.waypoints: must be a valid array, got 3"),
+        (7, "ownShip: must be a group of keys, got 7"),
     ],
 )
 def test_a_wrong_ship_is_refused_by_its_key(own: Any, message: str) -> None:
-    with pytest.raises(ValueError, match=message.replace("[", r"\[").replace(".", r"\.")):
+    with pytest.raises((ValueError, ConfigError), match=re.escape(message)):
         read_situation(situation(own), "one")
 
 
@@ -112,11 +122,27 @@ def test_what_is_written_is_read_again(
         assert abs(one.speed - other.speed) < 0.05 * KNOT
 
 
-def test_a_mirrored_file_is_a_mirrored_situation() -> None:
-    one = situation(ship(56, 11, sog=10, cog=0), ship(56.02, 11.03, sog=9, cog=250))
-    other = situation(ship(56, 11, sog=10, cog=0), ship(56.02, 10.97, sog=9, cog=110))
-    (right,), (left,) = (read_situation(values, "a").targets for values in (one, other))
-    assert (right.x, right.y, right.course) == pytest.approx((-left.x, left.y, 360 - left.course))
+def test_a_null_is_a_key_that_is_not_there() -> None:
+    own = path((56, 11), (56, 11.1), leg={"sog": 8.0, "data": None})
+    own["initial"] = {"position": None, "sog": None, "cog": None}
+    found = read_situation(situation(own) | {"startTime": None}, "one")
+    assert (found.own.course, found.own.speed) == pytest.approx((90, 8 * KNOT), abs=0.1)
+
+
+@given(st.lists(st.tuples(st.floats(-2e4, 2e4), st.floats(-2e4, 2e4), st.floats(0, 359)), max_size=3))
+@settings(max_examples=25)
+def test_a_mirrored_file_is_a_mirrored_situation(ships: list[tuple[float, float, float]]) -> None:
+    plane = Plane(56, 11)
+
+    def read(side: int) -> tuple[Ship, ...]:
+        targets = [
+            ship(*plane.to_degrees(side * x, y), sog=9, cog=(side * course) % 360) for x, y, course in ships
+        ]
+        return read_situation(situation(ship(56, 11, sog=10, cog=0), *targets), "a").targets
+
+    for right, left in zip(read(1), read(-1), strict=True):
+        assert (right.x, right.y) == pytest.approx((-left.x, left.y), abs=0.01)
+        assert (right.course + left.course) % 360 == pytest.approx(0, abs=1e-9)
 
 
 def test_trafficgen_reads_what_is_written(tmp_path: Path) -> None:

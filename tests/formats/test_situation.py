@@ -1,12 +1,10 @@
-"""The plane that touches the earth, and numbers of files."""
-
-import math
+"""The plane that touches the earth."""
 
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from ship_trl.formats.situation import Plane, course_to, metres_per_degree, number_of
+from ship_trl.formats.situation import Plane, course_to, metres_per_degree
 
 
 def test_degrees_have_the_lengths_of_the_ellipsoid() -> None:
@@ -24,9 +22,3 @@ def test_places_return_from_degrees(latitude: float, longitude: float, x: float,
 @pytest.mark.parametrize(("x", "y", "course"), [(0, 1, 0), (1, 0, 90), (0, -1, 180), (-1, 0, 270)])
 def test_courses_count_clockwise_from_north(x: float, y: float, course: float) -> None:
     assert course_to(x, y) == pytest.approx(course)
-
-
-@pytest.mark.parametrize("value", [None, "1", True, math.nan, math.inf, 11])
-def test_what_is_no_number_within_the_bounds_is_refused(value: object) -> None:
-    with pytest.raises(ValueError, match="ownShip: must be a number from 0 to 10, got"):
-        number_of(value, 0, 10, "ownShip")

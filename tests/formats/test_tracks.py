@@ -13,6 +13,7 @@ from hypothesis import strategies as st
 
 from ship_trl.config.bounds import KNOT
 from ship_trl.config.types import OwnShip
+from ship_trl.formats import tracks as tracks_module
 from ship_trl.formats.ais import read_frame
 from ship_trl.formats.tracks import Found, Limits, find_encounters, resample
 from tests.formats.traffic import (
@@ -108,13 +109,13 @@ def test_a_fix_at_a_wrong_place_makes_no_speed() -> None:
     rows = make(CROSSING, minutes=10)
     rows.loc[20, "lat"] += 0.5
     samples = resample(read_frame(danish(rows)), 30)
-    assert np.hypot(samples.east, samples.north).max() < 13 * KNOT
+    assert np.hypot(*samples.motion.T).max() < 13 * KNOT
 
 
 def test_a_course_through_north_stays_there() -> None:
     rows = make([Track(0, 0, 359, 12, turns_at=60, turns_by=2)], minutes=3)
     samples = resample(read_frame(danish(rows)), 5)
-    course = np.degrees(np.arctan2(samples.east, samples.north))
+    course = np.degrees(np.arctan2(*samples.motion.T))
     assert np.abs(course).max() < 2
 
 
@@ -125,31 +126,58 @@ def test_a_straight_track_is_resampled_exactly(course: float, knots: float, has_
     if not has_courses:
         rows["cog"] = 360.0
     samples = resample(read_frame(danish(rows)), 7)
-    speed = np.hypot(samples.east, samples.north)
+    speed = np.hypot(*samples.motion.T)
     np.testing.assert_allclose(speed, knots * KNOT, rtol=0.03)
     first, last = samples.instant[[0, -1]] - START
-    way = math.radians(LATITUDE) and (samples.latitude[-1] - samples.latitude[0]) * 111_344
+    way = math.radians(LATITUDE) and (samples.place[-1, 1] - samples.place[0, 1]) * 111_344
     assert way == pytest.approx((last - first) * knots * KNOT * math.cos(math.radians(course)), abs=5)
 
 
-@given(st.randoms(use_true_random=False))
-@settings(max_examples=5)
-def test_rows_in_any_order_give_the_same_encounters(random: Any) -> None:
-    rows = make((*CROSSING, Track(-2000, 4000, 90, 8)), minutes=12)
+# Ships that come near each other, some of which turn.
+TRACKS = st.lists(
+    st.builds(
+        Track,
+        x=st.integers(-4000, 4000),
+        y=st.integers(-4000, 4000),
+        course=st.integers(0, 359),
+        knots=st.integers(4, 20),
+        turns_at=st.sampled_from([120, 300, math.inf]),
+        turns_by=st.sampled_from([0, 30, -30]),
+    ),
+    min_size=2,
+    max_size=4,
+    unique_by=lambda track: (track.x // 500, track.y // 500),
+)
+
+
+@given(TRACKS, st.randoms(use_true_random=False))
+@settings(max_examples=10, deadline=None)
+def test_rows_in_any_order_give_the_same_encounters(tracks: list[Track], random: Any) -> None:
+    rows = make(tracks, minutes=10)
     order = list(range(len(rows)))
     random.shuffle(order)
-    assert find(rows.iloc[order]).situations == find(rows).situations
+    assert find(rows.iloc[order], OwnShip.both) == find(rows, OwnShip.both)
 
 
-def test_a_mirrored_table_gives_mirrored_encounters() -> None:
-    (one,) = find(make(CROSSING)).situations
-    mirrored = make([track._replace(x=-track.x, course=(-track.course) % 360) for track in CROSSING])
-    # Mirrored, the other ship gives way.
-    (other,) = find(mirrored, OwnShip.stands_on).situations
-    assert other.own.course == pytest.approx((-one.own.course) % 360, abs=0.2)
-    assert (other.targets[0].x, other.targets[0].y) == pytest.approx(
-        (-one.targets[0].x, one.targets[0].y), abs=5
-    )
+@given(TRACKS)
+@settings(max_examples=10, deadline=None)
+def test_mirrored_tracks_give_mirrored_encounters(tracks: list[Track]) -> None:
+    rows = make(tracks, minutes=10).round({"lon": 6, "cog": 1})
+    mirrored = rows.assign(lon=2 * LONGITUDE - rows.lon, cog=-rows.cog % 360)
+    one, other = (find(table, OwnShip.both) for table in (rows, mirrored))
+    assert (one.encounters, one.pairs, one.turned) == (other.encounters, other.pairs, other.turned)
+    for right, left in zip(one.situations, other.situations, strict=True):
+        assert (right.name, right.start) == (left.name, left.start)
+        for ship, turned in zip((right.own, *right.targets), (left.own, *left.targets), strict=True):
+            assert (ship.x, ship.y, ship.speed) == pytest.approx((-turned.x, turned.y, turned.speed), abs=2)
+            assert math.remainder(ship.course + turned.course, 360) == pytest.approx(0, abs=0.5)
+
+
+def test_a_table_is_the_same_in_pieces_of_time(monkeypatch: pytest.MonkeyPatch) -> None:
+    rows = make((*CROSSING, Track(-2000, 4000, 90, 8, 600, 30)), minutes=50)
+    whole = find(rows, OwnShip.both)
+    monkeypatch.setattr(tracks_module, "PIECE", 300)
+    assert find(rows, OwnShip.both) == whole and whole.encounters > 0
 
 
 def test_other_ships_join_nearest_first() -> None:
@@ -177,7 +205,7 @@ def test_the_track_of_a_slow_own_ship_is_kept_for_its_whole_episode() -> None:
 
 def test_positions_lie_where_the_table_says() -> None:
     samples = resample(read_frame(danish(make(CROSSING[:1], minutes=2))), 30)
-    assert samples.latitude[0] == pytest.approx(LATITUDE) and samples.longitude[0] == pytest.approx(LONGITUDE)
+    assert samples.place[0] == pytest.approx((LONGITUDE, LATITUDE))
 
 
 def test_an_empty_table_has_no_encounter() -> None:

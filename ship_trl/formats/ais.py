@@ -31,6 +31,7 @@ ALIASES = {
     "sog": ("sog",),
     "cog": ("cog",),
 }
+NUMBERS = ("mmsi", "latitude", "longitude", "sog", "cog", "old cog")
 # Where the column is there, only ships with a transceiver of class A or B are kept.
 CLASSES = ("transceiverclass", "transceiver", "type of mobile")
 SHIPS = ("a", "b", "class a", "class b")
@@ -121,15 +122,15 @@ def table_parts(file: IO[bytes], path: Path) -> Iterator[Fixes]:
     """Yield the cleaned rows of a table, piece by piece."""
     import pandas
 
-    names: list[str] = []
+    kinds: dict[int, str] = {}
     for number, piece in whole_lines(file, path):
         first, rows = number, piece
-        if not names:
+        if not kinds:
             heading, _, rows = piece.partition(b"\n")
             header = heading.decode("utf-8-sig", errors="replace")
             delimiter, first = max(",;\t", key=header.count), 2
             names = header.split(delimiter)
-            columns = find_columns(names, str(path))
+            kinds = find_columns(names, str(path))
         if not rows.strip():
             continue
         table = pandas.read_csv(
@@ -137,15 +138,15 @@ def table_parts(file: IO[bytes], path: Path) -> Iterator[Fixes]:
             sep=delimiter,
             header=None,
             names=range(len(names)),
-            usecols=list(columns.values()),
+            usecols=list(kinds),
             index_col=False,
             on_bad_lines="skip",
-            dtype={columns[kind]: "category" for kind in ("time", "class") if kind in columns},
+            dtype={place: "category" for place, kind in kinds.items() if kind not in NUMBERS},
             encoding_errors="replace",
             low_memory=False,
         )
-        yield clean(table, columns, names, first)
-    if not names:
+        yield clean(table.rename(columns=kinds), first)
+    if not kinds:
         raise ConfigError(f"{path}: is empty; allowed: a table of AIS positions")
 
 
@@ -155,9 +156,8 @@ def read_frame(frame: DataFrame) -> Fixes:
     Raises:
         ConfigError: a column is missing.
     """
-    names = [str(name) for name in frame.columns]
-    columns = find_columns(names, "the DataFrame")
-    return sort_fixes([clean(frame.set_axis(range(len(names)), axis=1), columns, names)])
+    kinds = find_columns([str(name) for name in frame.columns], "the DataFrame")
+    return sort_fixes([clean(frame.iloc[:, list(kinds)].set_axis([*kinds.values()], axis=1), 1)])
 
 
 def simple(name: str) -> str:
@@ -165,33 +165,29 @@ def simple(name: str) -> str:
     return name.strip('"# \r').lower()
 
 
-def find_columns(names: Sequence[str], where: str) -> dict[str, int]:
-    """Return the place in the table of each of the six columns, and of the class if there is one.
+def find_columns(names: Sequence[str], where: str) -> dict[int, str]:
+    """Return the kinds of columns by their places: the six, the class if there is one, and old courses.
 
     Raises:
         ConfigError: columns are missing.
     """
     known = [simple(name) for name in names]
-    found = {
-        kind: known.index(alias)
+    places = {
+        kind: next((known.index(alias) for alias in aliases if alias in known), None)
         for kind, aliases in (*ALIASES.items(), ("class", CLASSES))
-        for alias in reversed(aliases)
-        if alias in known
     }
-    if missing := [kind for kind in ALIASES if kind not in found]:
+    if missing := [kind for kind in ALIASES if places[kind] is None]:
         allowed = "; ".join(f"{kind}: {', '.join(ALIASES[kind])}" for kind in missing)
         raise ConfigError(f"{where}: has no column for {', '.join(missing)}; allowed names: {allowed}")
-    return found
+    if "basedatetime" in known:
+        places["old cog"] = places.pop("cog")
+    return {place: kind for kind, place in places.items() if place is not None}
 
 
-def clean(table: DataFrame, columns: dict[str, int], names: Sequence[str], first: int = 1) -> Fixes:
+def clean(table: DataFrame, first: int) -> Fixes:
     """Return the rows of a table that say where a ship was, in the table's order.
 
-    Args:
-        table: has its columns' places for names.
-        columns: place of each kind of column.
-        names: of the table's columns.
-        first: number of the first row in its file.
+    `first` is the number of the first row in its file; columns have the names of `find_columns`.
 
     Raises:
         ValueError: a time is none, or of another time zone than UTC, or latitudes lie beyond a pole.
@@ -199,19 +195,20 @@ def clean(table: DataFrame, columns: dict[str, int], names: Sequence[str], first
     import pandas
 
     mmsi, latitude, longitude, sog, cog = (
-        np.array(pandas.to_numeric(table[columns[kind]], errors="coerce"), dtype=np.float64)
-        for kind in ("mmsi", "latitude", "longitude", "sog", "cog")
+        np.array(pandas.to_numeric(table[kind], errors="coerce"), dtype=np.float64)
+        for kind in NUMBERS
+        if kind in table
     )
     if (np.abs(latitude) > 91).sum() > len(table) / 2:
         raise ValueError("most latitudes lie beyond 90 degrees; are latitude and longitude swapped?")
-    if simple(names[columns["time"]]) == "basedatetime":
+    if "old cog" in table:
         # MarineCadastre's old courses are signed numbers of 12 bits: 345 degrees is listed as -64.6.
         cog = np.where(cog < 0, np.round(cog + 409.6, 1), cog)
-    if "class" in columns:
-        classes = table[columns["class"]].astype("category").cat
+    if "class" in table:
+        classes = table["class"].astype("category").cat
         is_ship = [str(one).strip().lower() in SHIPS for one in classes.categories]
         mmsi[~np.append(is_ship, False).astype(bool)[classes.codes]] = np.nan
-    return known_fixes(mmsi, read_times(table[columns["time"]], first), latitude, longitude, sog, cog)
+    return known_fixes(mmsi, read_times(table["time"], first), latitude, longitude, sog, cog)
 
 
 def known_fixes(

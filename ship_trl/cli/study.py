@@ -29,8 +29,8 @@ from ship_trl.study.launch import (
     LOG,
     REPORT,
     check_account,
-    describe_work,
     log_summary,
+    processes,
     run_jobs,
     set_aside,
     show_progress,
@@ -123,7 +123,8 @@ def run_study(words: list[str]) -> None:
         for line in set_aside(jobs, config):
             say(line)
         missing = unfinished(jobs, config)
-        say(describe_work(missing, jobs, config))
+        by = f"{processes(config)} at once" if config.launcher == "joblib" else f"by {config.launcher}"
+        say(f"{len(missing)} of {len(jobs)} runs to do, {by}")
         with show_progress(jobs, config, run_config(config).learn.episodes) as watch:
             left = run_jobs(missing, config, watch)
         if len(left) < len(jobs):

@@ -171,7 +171,10 @@ def read_side(study: Study, known: Known, where: str, words: str) -> dict[str, P
     """Read the arms of one side: `ARM`, `ARM of WHERE`, or `mean of ARM, ARM`; all have one target."""
     names = [words]
     if words.startswith(MEAN):
-        names = split_names(words.removeprefix(MEAN), [*known[where]])
+        # A known name up to the next comma, also one that contains commas, or else any words.
+        longest_first = "|".join(sorted(map(re.escape, known[where]), key=len, reverse=True))
+        listed = rf"(?:^|, *)((?:{longest_first})(?: of [^,]+)?(?=,|$)|[^,]+)"
+        names = re.findall(listed, words.removeprefix(MEAN))
     if not names:
         raise ConfigError(f"question: {MEAN.strip()!r} names no arm; allowed: {MEAN}ARM, ARM")
     found: dict[str, Place] = {}
@@ -186,13 +189,6 @@ def read_side(study: Study, known: Known, where: str, words: str) -> dict[str, P
             raise ConfigError(f"question: {name!r} has target {target}; allowed: target {wanted}, as {where}")
         found[name] = place
     return found
-
-
-def split_names(words: str, names: Sequence[str]) -> list[str]:
-    """Split a list at its commas, but not inside names that contain one."""
-    longest_first = "|".join(sorted(map(re.escape, names), key=len, reverse=True))
-    # A known name up to the next comma, or else any words, which the caller refuses by name.
-    return re.findall(rf"(?:^|, *)((?:{longest_first})(?: of [^,]+)?(?=,|$)|[^,]+)", words)
 
 
 def target_of(study: Study, place: Place) -> str:

@@ -220,13 +220,6 @@ def last_episode(path: Path) -> int:
         return 0
 
 
-def describe_work(missing: list[Job], jobs: list[Job], config: StudyConfig) -> str:
-    """Say how many runs there are to do, and by what."""
-    is_here = config.launcher == "joblib"
-    by = f"{processes(config)} at once" if is_here else f"by {config.launcher}"
-    return f"{len(missing)} of {len(jobs)} runs to do, {by}"
-
-
 REPORT = "report"
 TABLES = ("claims", "effects", "arms", "table_2")
 

@@ -61,14 +61,10 @@ class Reached:
             row |= estimate_cells(f"{name} above scratch", self.differences.get(name))
         return row
 
-    def words(self, name: str) -> str:
-        """Format an outcome with its interval."""
-        found = self.outcomes[name]
-        return "-" if found is None else found.words("", OUTCOMES[name][1])
-
-    def difference(self, name: str) -> str:
-        """Format a difference from scratch with its interval."""
-        return self.differences[name].words("+", OUTCOMES[name][1])
+    def words(self, name: str, sign: str = "") -> str:
+        """Format an outcome with its interval, or with the sign "+" its difference from scratch."""
+        found = self.differences[name] if sign else self.outcomes[name]
+        return "-" if found is None else found.words(sign, OUTCOMES[name][1])
 
     @property
     def headline(self) -> str:
@@ -77,7 +73,7 @@ class Reached:
         verdict = "better" if found.low > 0 else "worse" if found.high < 0 else "no difference shown"
         return (
             f"{self.arm} against scratch, {self.cases}, {counted(found.seeds, 'seed')}: {RETURN} "
-            f"{self.difference(RETURN)}, success {self.difference(SUCCESS)} points; "
+            f"{self.words(RETURN, '+')}, success {self.words(SUCCESS, '+')} points; "
             f"{verdict if found.seeds >= MIN_SEEDS else 'too few seeds to tell'}"
         )
 

@@ -96,7 +96,7 @@ def write(study: Study, folder: Path, output: Path, missing: int, show: Show) ->
         trim_blocks=True,
         lstrip_blocks=True,
     )
-    environment.filters |= {"isfinite": isfinite, "counted": counted}
+    environment.filters.update(isfinite=isfinite, counted=counted)
     text = environment.get_template(page.name).render(
         judged.shown,
         title=opening.title_of(study),

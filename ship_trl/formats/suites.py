@@ -31,7 +31,8 @@ from ship_trl.formats.maritime_schema import read_situation
 from ship_trl.formats.ntnu import read_scenario
 from ship_trl.formats.situation import Ship, Situation
 from ship_trl.sim import cases
-from ship_trl.sim.cases import Case, RecordedShip, Scale, Suite, TargetShip
+from ship_trl.sim.cases import Case, RecordedShip, Suite, TargetShip
+from ship_trl.sim.scale import Scale
 
 # Not in the name of a folder or file.
 UNNAMED = re.compile(r"[^\w.-]+")

@@ -15,7 +15,8 @@ from ship_trl.config.bounds import KNOT, NAUTICAL_MILE
 from ship_trl.config.types import Situations, World
 from ship_trl.formats.situation import Plane, Ship, Situation
 from ship_trl.sim import state as layout
-from ship_trl.sim.cases import Case, Scale
+from ship_trl.sim.cases import Case
+from ship_trl.sim.scale import Scale
 
 # Where a case has no time and place: its scale is that of own ship at this speed (knots).
 KNOTS, START, PLACE = 12.0, datetime(2025, 1, 1, tzinfo=UTC), (0.0, 0.0)

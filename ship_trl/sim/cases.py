@@ -24,13 +24,14 @@ from omegaconf.errors import OmegaConfBaseException
 from pydantic import Field
 from yaml import YAMLError
 
-from ship_trl.config.bounds import KNOT, MAX_DISTANCE, NAUTICAL_MILE, Metres
+from ship_trl.config.bounds import MAX_DISTANCE, Metres
 from ship_trl.config.errors import ConfigError, explain, print_error
 from ship_trl.config.paths import conf_dir, conf_files, is_name, list_names, stem
 from ship_trl.config.schema import read_as, rule
 from ship_trl.config.types import Perturbation, Traffic, World, plain
 from ship_trl.files.disk import read_file
 from ship_trl.files.untrusted import Cells, read_table, read_yaml
+from ship_trl.sim.scale import Scale
 
 MAX_TARGET_SHIPS = 8
 # Within this bound float32 is accurate to a centimetre, or to a hundredth of a degree.
@@ -122,35 +123,6 @@ class CaseFile(Direction):
     ideal_path: Annotated[str, rule("one line of plain text", str.isprintable)]
     target_ships: Annotated[list[ShipFile], FEW]
     unit: Metres = 1.0
-
-
-@dataclass(frozen=True)
-class Scale:
-    """How large a case of another tool is at sea: `length` m a metre, `speed` m/s a m/s.
-
-    `start` (UTC) and `place`, latitude and longitude (degrees) of its origin, are known of some.
-    """
-
-    length: float
-    speed: float
-    start: str = ""
-    place: tuple[float, float] | None = None
-
-    @property
-    def time(self) -> float:
-        """Seconds at sea a second."""
-        return self.length / self.speed
-
-    def describe(self, world: World) -> str:
-        """Return the scale in words, in nautical miles and knots."""
-        knots = world.actions[world.straight_action][0] * self.speed / KNOT
-        miles, step = world.safe_distance * self.length / NAUTICAL_MILE, world.dt * self.time
-        parts = (
-            f"{world.safe_distance:g} m are {miles:.2f} NM",
-            f"a step {step:.0f} s",
-            f"own ship {knots:.1f} kn",
-        )
-        return ", ".join((*parts, f"{self.start[:16]} UTC") if self.start else parts)
 
 
 @dataclass

@@ -105,14 +105,7 @@ def draw(path: Path, cases: dict[str, Case], traffic: Suite | None, world: World
     else:
         places = max(len(case.target_ships) for case in cases.values())
         states = torch.stack([initial_state(case, world, places) for case in cases.values()])
-        names = ["\n".join((name, *split_scale(case, world))) for name, case in cases.items()]
-        write_case_page(path, names, states, world)
-
-
-def split_scale(case: Case, world: World) -> list[str]:
-    """Return the scale of a case of another tool in two short lines, none for others."""
-    words = [] if case.scale is None else case.scale.describe(world).split(", ")
-    return [", ".join(line) for line in (words[:2], words[2:]) if line]
+        write_case_page(path, list(cases), states, world, [case.scale for case in cases.values()])
 
 
 def show_cases(cases: dict[str, Case]) -> None:

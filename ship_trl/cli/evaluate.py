@@ -23,29 +23,35 @@ from typing import TYPE_CHECKING, Any
 
 from ship_trl.cli.errors import refusals
 from ship_trl.cli.parser import add_number, add_output, add_policies, make_parser
-from ship_trl.config.bounds import HEAD_ON_DEGREES, RULES, HalfAngle, Positive
+from ship_trl.config.bounds import HEAD_ON_DEGREES, NAUTICAL_MILE, RULES, HalfAngle, Positive
 from ship_trl.config.errors import ConfigError, print_error
 from ship_trl.policies.pretrained import PRETRAINED
 from ship_trl.policies.registry import EPISODES, SHOWN, Entry
 from ship_trl.run.entries import find_entries
 from ship_trl.run.plan import differences
 from ship_trl.sim.cases import load_world
+from ship_trl.sim.scale import Scale
 
 if TYPE_CHECKING:
     from ship_trl.learn.rollout import Episode, Policy
     from ship_trl.policies.metrics import Measurements
     from ship_trl.sim.env import ShipEnv
 
-HEADINGS = ("case", "policy", "return", "of best known", "ends with", "least distance, m", "steps", "claimed")
+# Columns of scenes of other tools, and a metric: the least distance in nautical miles.
+MILES, MILES_OF_ALL, START, AT_SEA = "at sea, NM", "at sea, NM (5 %)", "start, UTC", "least_distance_nm"
+HEADINGS = (
+    *("case", "policy", "return", "of best known", "ends with", "least distance, m", MILES, START),
+    *("steps", "claimed"),
+)
 # What is shown of them unless all are asked for, with what is claimed if anything is.
-SHORT = ("policy", "return", "ends with", "least distance, m")
+SHORT = ("policy", "return", "ends with", "least distance, m", MILES, START)
 # The same of several episodes.
 SCORES = (
     *("suite", "policy", "episodes", "success", "collision", "timeout", "return", "of best known"),
-    *("least distance, m (5 %)", *(f"R{rule}" for rule in RULES), "path", "ms", "claimed"),
+    *("least distance, m (5 %)", MILES_OF_ALL, *(f"R{rule}" for rule in RULES), "path", "ms", "claimed"),
 )
 # What is shown of them unless it is asked for more, and what --rules adds.
-SHORT_SCORES = ("policy", "success", "collision", "timeout", "least distance, m (5 %)")
+SHORT_SCORES = ("policy", "success", "collision", "timeout", "least distance, m (5 %)", MILES_OF_ALL)
 RULE_SCORES = tuple(f"R{rule}" for rule in RULES)
 # The highest scores in suite imazu, of docs/encounters.md.
 GOOD_SCORES = "in imazu planners have up to 0.72 to 0.99 (R17: 0.24), networks up to 0.37 to 0.62 (R17: 0.24)"
@@ -62,6 +68,7 @@ def main(arguments: list[str] | None = None) -> None:
     add_output(parser, "--gif", (".gif",), "film of the first episode of the last policy")
     add_output(parser, "--csv", (".csv",), "every metric of every episode, a row each")
     add_output(parser, "--sheet", (".png",), "paths of all episodes, failures first")
+    add_output(parser, "--failures", (".png",), "paths of failures alone, larger, with closest approaches")
     parser.add_argument("--by", choices=["class"], help="also a row for each class of encounter at its onset")
     add_number(parser, "--head-on", HalfAngle, HEAD_ON_DEGREES, "half-angle of head-on in degrees (5)")
     keep = "where the episodes are kept as demonstrations"
@@ -86,8 +93,8 @@ def check(entries: list[Entry], options: Namespace) -> None:
     """
     if options.demonstrations is not None and not all(entry.suite.is_fixed for entry in entries):
         raise ConfigError("--demonstrations: of single cases, not perturbed; give target=CASE")
-    if options.sheet is not None and any(entry.world != entries[0].world for entry in entries):
-        raise ConfigError("--sheet: the policies act in several worlds; allowed: policies of one world")
+    if (options.sheet or options.failures) and any(one.world != entries[0].world for one in entries):
+        raise ConfigError("--sheet, --failures: several worlds; allowed: policies of one world")
     if options.episodes is not None and not any(entry.draws for entry in entries):
         raise ConfigError("--episodes: all would be the same; allowed: drawn starts, or a policy that draws")
 
@@ -135,6 +142,11 @@ def write_files(found: list[Scored], env: ShipEnv, policy: Policy, options: Name
         write_csv(options.csv, [row for one in found for row in one.csv_rows()])
     if options.sheet is not None:
         write_sheet(options.sheet, found)
+    if options.failures is not None and all(one.goal for each in found for one in each.episodes):
+        sys.stdout.write("--failures: nothing failed\n")
+        options.failures = None
+    if options.failures is not None:
+        write_sheet(options.failures, found, failures=True)
     if options.gif is not None:
         from ship_trl.policies.named import network_of
         from ship_trl.sim.state import first_case
@@ -144,17 +156,17 @@ def write_files(found: list[Scored], env: ShipEnv, policy: Policy, options: Name
         case = first_case(last.entry.suite, first.states[0])
         label, network = last.entry.label, network_of(policy)
         write_gif(options.gif, case, last.entry.world, first, env.rasteriser, label, network)
-    for path in filter(None, (options.csv, options.sheet, options.gif)):
+    for path in filter(None, (options.csv, options.sheet, options.failures, options.gif)):
         sys.stdout.write(f"{path}\n")
 
 
-def write_sheet(path: Path, found: list[Scored]) -> None:
+def write_sheet(path: Path, found: list[Scored], failures: bool = False) -> None:
     """Write the paths of all episodes; policies take turns, so that the first does not fill the page."""
     from ship_trl.view.pages import write_episode_page
 
     policies = list(dict.fromkeys(one.entry.label for one in found))
     suites = list(dict.fromkeys(one.suite_name for one in found))
-    names, episodes = [], []
+    names, episodes, scales = [], [], []
     for row in range(max(len(one.episodes) for one in found)):
         for one in (each for each in found if row < len(each.episodes)):
             # A case is a suite of its own name.
@@ -163,8 +175,9 @@ def write_sheet(path: Path, found: list[Scored]) -> None:
             lines = [label] * (len(policies) > 1) + [one.suite_name] * names_suite
             names.append("\n".join([*lines, one.scene_name(row)]))
             episodes.append(one.episodes[row])
+            scales.append(one.scale_of(row))
     title = f"{', '.join(policies)}: {', '.join(suites)}"
-    write_episode_page(path, title, names, episodes, found[0].entry.world)
+    write_episode_page(path, title, names, episodes, found[0].entry.world, scales, failures)
 
 
 def print_table(found: list[Scored], options: Namespace) -> None:
@@ -192,7 +205,9 @@ def print_table(found: list[Scored], options: Namespace) -> None:
         title = f"{suites.pop()}: {' or '.join(map(str, counts))} episode{'s' * (counts != [1])}"
     else:
         shown += [headings[0], *["claimed"] * any(one.entry.claimed is not None for one in found)]
-    show(headings, rows, options.markdown, title, shown)
+    at_sea = {k: heading for k, heading in enumerate(headings) if heading in (MILES, MILES_OF_ALL, START)}
+    empty = [heading for k, heading in at_sea.items() if not any(cells[k] for cells in rows)]
+    show(headings, rows, options.markdown, title, [heading for heading in shown if heading not in empty])
     for line in describe_worlds(one.entry for one in found):
         sys.stdout.write(f"{line}\n")
     if is_scored and found:
@@ -219,7 +234,12 @@ class Scored:
         """The metrics of the episodes."""
         from ship_trl.policies.metrics import measure_episodes
 
-        return measure_episodes(self.episodes, self.entry.world, self.head_on)
+        found = measure_episodes(self.episodes, self.entry.world, self.head_on)
+        scales = map(self.scale_of, range(len(self.episodes)))
+        if lengths := [scale.length for scale in scales if scale is not None]:
+            # A file or folder of another tool has a scale for each of its cases.
+            found.values[AT_SEA] = found.values["least_distance"] * lengths / NAUTICAL_MILE
+        return found
 
     @cached_property
     def decision_time(self) -> float:
@@ -250,6 +270,11 @@ class Scored:
         suite = self.entry.suite
         return suite.name + ", perturbed" * (not suite.perturbation.is_none)
 
+    def scale_of(self, row: int) -> Scale | None:
+        """Return the scale at sea of an episode's case, None if it has none."""
+        cases = self.entry.suite.cases
+        return cases[row % len(cases)].scale if cases else None
+
     def scene_name(self, row: int) -> str:
         """Return the name of an episode's case, or the seed of its random encounter."""
         suite = self.entry.suite
@@ -263,8 +288,10 @@ class Scored:
         (one,) = self.episodes
         # Cases without target ships have none.
         nearest = f"{one.dcpa:.0f}" if math.isfinite(one.dcpa) else "-"
-        reached = f"{self.reached:.1f}", self.share(best), one.outcome, nearest, str(one.length)
-        return [self.suite_name, self.entry.label, *reached, self.claimed]
+        reached, scale = (f"{self.reached:.1f}", self.share(best), one.outcome), self.scale_of(0)
+        miles = "-" if scale is None or nearest == "-" else scale.miles(one.dcpa)
+        at_sea = ("", "") if scale is None else (miles, scale.start[:16])
+        return [self.suite_name, self.entry.label, *reached, nearest, *at_sea, str(one.length), self.claimed]
 
     def row(self, best: float | None) -> list[str]:
         """Return the cells of `SCORES`; `best` is the best known mean return."""
@@ -280,13 +307,14 @@ class Scored:
     def csv_rows(self) -> Iterator[dict[str, Any]]:
         """Yield a row of each episode: scene, end and every metric, empty where one does not apply."""
         for k in range(len(self.episodes)):
-            values = self.measured.of_episode(k).items()
+            values, scale = self.measured.of_episode(k).items(), self.scale_of(k)
             yield {
                 "policy": self.entry.label,
                 "suite": self.entry.suite.name,
                 "case": self.scene_name(k),
                 "outcome": self.measured.outcomes[k],
                 "encounter": self.measured.encounters[k],
+                **({} if scale is None else {"start_utc": scale.start}),
                 **{name: "" if math.isnan(value) else f"{value:.6g}" for name, value in values},
                 "decision_ms": f"{self.decision_time:.3g}",
             }
@@ -296,13 +324,17 @@ def score_cells(measured: Measurements, share: str = "-") -> list[str]:
     """Return the cells from `episodes` to `path`, with the share of the best known return."""
     import numpy as np
 
-    count, near = len(measured.outcomes), measured.known("least_distance")
+    def distances(name: str, decimals: int) -> str:
+        near = measured.known(name) if name in measured.values else np.empty(0)
+        return f"{near.mean():.{decimals}f} ({np.percentile(near, LOW):.{decimals}f})" if near.size else ""
+
     return [
-        str(count),
+        str(len(measured.outcomes)),
         *(describe_share(measured, end) for end in ("goal", "collision", "timeout")),
         f"{measured.known('return').mean():.1f}",
         share,
-        f"{near.mean():.0f} ({np.percentile(near, LOW):.0f})" if near.size else "-",
+        distances("least_distance", 0) or "-",
+        distances(AT_SEA, 2),
         *(describe_mean(measured, f"rule_{rule}") for rule in RULES),
         describe_mean(measured, "path_ratio"),
     ]

@@ -14,6 +14,7 @@ from matplotlib.figure import Figure, SubFigure
 from matplotlib.patches import Circle
 from numpy.typing import NDArray
 
+from ship_trl.config.bounds import NAUTICAL_MILE
 from ship_trl.config.errors import counted
 from ship_trl.config.types import World
 from ship_trl.files.curve import COLUMNS as CURVE_COLUMNS
@@ -21,6 +22,7 @@ from ship_trl.files.curve import Row, moving_mean
 from ship_trl.files.record import RunRecord
 from ship_trl.learn.rollout import Episode
 from ship_trl.sim.cases import Case
+from ship_trl.sim.scale import Scale
 from ship_trl.sim.state import GOAL_X, GOAL_Y
 from ship_trl.view.episode import Telemetry, measure_episode
 from ship_trl.view.style import (
@@ -227,6 +229,8 @@ def draw_trajectories(
         _draw_ships(axes, max(paths, key=lambda one: one.steps))
         axes.set(xlabel="east, m", ylabel="north, m")
         axes.label_outer()
+        if case.scale is not None:
+            _add_miles(axes, case.scale)
         result = number(float(np.mean([one.total[-1] for one in group])), ".1f")
         if len(group) == 1:
             result = f"return {result}, {group[0].outcome}"
@@ -245,6 +249,15 @@ def draw_trajectories(
     title = f"case {case.name}"
     figure.suptitle(title, fontsize=13, fontweight="bold", x=0.01, ha="left")
     save_figure(figure, path)
+
+
+def _add_miles(axes: Axes, scale: Scale) -> None:
+    """Add axes in nautical miles at the top and at the right."""
+    miles = scale.length / NAUTICAL_MILE
+    both = (lambda metres: metres * miles, lambda found: found / miles)
+    about = f"at sea, NM; {MARK_TIME:g} s are {scale.minutes(MARK_TIME)}"
+    axes.secondary_xaxis("top", functions=both).set_xlabel(about)
+    axes.secondary_yaxis("right", functions=both).set_ylabel("at sea, NM")
 
 
 def _draw_path(axes: Axes, one: Telemetry, colour: str, is_thin: bool) -> None:

@@ -58,6 +58,7 @@ class Panel:
 
     def __post_init__(self) -> None:
         self.numbers, self.world = self.view.telemetry, self.view.telemetry.world
+        self.sea = self.view.case.scale
         self.down = float(self.room.top)
         self.is_wide = self.room.width >= 380 * self.unit
 
@@ -94,6 +95,11 @@ class Panel:
         pygame.draw.rect(self.surface, RULE, box.inflate(2, 2), 1)
         self.down += side + 14 * self.unit
 
+    def length(self, metres: float, decimals: int) -> str:
+        """Write a length, of a scene of another tool also at sea."""
+        words = f"{metres:.{decimals}f} m"
+        return words if self.sea is None else f"{words}, {self.sea.miles(metres)}"
+
     def values(self) -> None:
         """Write the action of this step, the time, the value, the return and distances."""
         numbers, world, step = self.numbers, self.world, self.step
@@ -102,17 +108,18 @@ class Panel:
         if chosen is not None:
             speed, turn = world.actions[chosen]
             side = "keep course" if turn == 0 else "to port" if turn > 0 else "to starboard"
-            does = f"a{chosen + 1}, {side}", f"{speed:g} m/s, {number(turn, 'g')} rad/s"
+            told = f"{speed:g} m/s" if self.sea is None else f"{speed:g} m/s, {self.sea.knots(speed)}"
+            does = f"a{chosen + 1}, {side}", f"{told}, {number(turn, 'g')} rad/s"
             items = [*((CHOSEN, words) for words in does), *items]
         if q is not None:
             items.append((TEXT, f"value V {number(float(q.mean()), '.3f')}"))
         items.append((TEXT, f"return so far {number(float(numbers.total[step]), '.1f')}"))
-        items.append((TEXT, f"{numbers.goal_distance[step]:.0f} m to the goal"))
+        items.append((TEXT, f"{self.length(float(numbers.goal_distance[step]), 0)} to the goal"))
         if numbers.ships.size:
             closest = float(numbers.closest[step].min())
             # With one decimal: a pass at 45.1 m is no collision, one at 44.9 m is.
             is_danger = closest < world.safe_distance
-            items.append((DANGER if is_danger else TEXT, f"closest so far {closest:.1f} m"))
+            items.append((DANGER if is_danger else TEXT, f"closest so far {self.length(closest, 1)}"))
         room = pygame.Rect(self.room.left, self.down, self.room.width, 0)
         self.down = pen.flow(self.surface, items, room, max(9, round(15 * self.unit)))
 
@@ -153,24 +160,29 @@ class Panel:
         self.down = bottom + 18 * unit
 
     def ships(self) -> None:
-        """Write each target ship's distance, and how close it comes if all keep course and speed."""
-        numbers, step, unit, room = self.numbers, self.step, self.unit, self.room
+        """Write each target ship's distance, and how close it comes if all keep course and speed.
+
+        Of a scene of another tool these are miles and minutes at sea, with the speed in place of the closest.
+        """
+        numbers, step, unit, room, sea = self.numbers, self.step, self.unit, self.room, self.sea
         count = numbers.ships.shape[1]
         if not count:
             self.head("no target ships")
             return
         about = "; DCPA and TCPA if all keep course and speed" if self.is_wide else ""
-        self.head(f"target ships{about}")
-        rows = [(("ship" if self.is_wide else "", "distance", "closest", "DCPA", "TCPA"), (FAINT,) * 5)]
+        self.head(f"target ships{'' if sea is None else ' at sea'}{about}")
+        third = "closest" if sea is None else "speed"
+        rows = [(("ship" if self.is_wide else "", "distance", third, "DCPA", "TCPA"), (FAINT,) * 5)]
         for k in range(count):
             time, is_danger = float(numbers.tcpa[step, k]), numbers.is_danger(step, k)
-            cells = (
-                f"{k + 1}",
-                f"{numbers.apart[step, k]:.0f} m",
-                f"{numbers.closest[step, k]:.1f} m",
-                f"{'! ' if is_danger else ''}{numbers.dcpa[step, k]:.0f} m",
-                f"{time:.0f} s" if time > 0 else "passed",
-            )
+            apart, dcpa = float(numbers.apart[step, k]), float(numbers.dcpa[step, k])
+            told = f"{apart:.0f} m", f"{numbers.closest[step, k]:.1f} m", f"{dcpa:.0f} m", f"{time:.0f} s"
+            if sea is not None:
+                speed = sea.knots(float(numbers.speeds[step, k]))
+                told = sea.miles(apart), speed, sea.miles(dcpa), sea.minutes(time)
+            near, third, pass_at, left = told
+            warned = f"{'! ' if is_danger else ''}{pass_at}"
+            cells = (f"{k + 1}", near, third, warned, left if time > 0 else "passed")
             warning = YELLOW if is_danger else TEXT
             rows.append((cells, (scene.TARGET, TEXT, TEXT, warning, warning)))
         columns = (0, 1, 2, 3, 4) if self.is_wide else (0, 1, 3, 4)
@@ -277,7 +289,8 @@ def draw_dashboard(
         if look.relative:
             frame = relative_frame(view.telemetry.at(position)[0], layout.side)
         place = layout.scene(k)
-        paint_scene(surface.subsurface(place), view.telemetry, position, frame, look.large)
+        sea = view.case.scale
+        paint_scene(surface.subsurface(place), view.telemetry, position, frame, look.large, sea=sea)
         legend, letters = pygame.Rect(place.bottomleft, (layout.side, layout.legend)), round(13 * layout.unit)
         draw_legend(surface, legend, view.telemetry.world, max(9, letters), frame.scale, look.large)
     for graph in _make_graphs(size, some):

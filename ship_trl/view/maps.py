@@ -32,19 +32,20 @@ def draw_maps(surface: pygame.Surface, views: Sequence[EpisodeView], position: f
     side = side_of(columns)
     surface.fill(BACKGROUND)
     for k, view in enumerate(views):
-        numbers = view.telemetry
+        numbers, sea = view.telemetry, view.case.scale
         # A step that has begun counts as begun.
         step = min(int(position + 1e-9), numbers.steps)
         left = round((k % columns + 0.5) * width / columns - side / 2)
         place = pygame.Rect(left, k // columns * (side + below + GAP) + GAP // 2, side, side)
         ways = [scene.OWN, *[scene.TARGET] * numbers.ships.shape[1]]
         frame = map_frame([one.telemetry for one in views] if is_compared else [numbers], side)
-        paint_scene(surface.subsurface(place), numbers, position, frame, ways=ways)
+        paint_scene(surface.subsurface(place), numbers, position, frame, ways=ways, sea=sea)
         room = pygame.Rect(left, place.bottom + 0.3 * size, side, below)
         words = [(TEXT, f"case {view.case.name}")] if count == 1 else []
         least = float(numbers.closest[step].min(initial=math.inf))
         if least < math.inf:
-            told = f"closest so far {least:.0f} m" if count == 1 else f"{least:.0f} m"
+            told = f"{least:.0f} m" if sea is None else f"{least:.0f} m, {sea.miles(least)}"
+            told = f"closest so far {told}" if count == 1 else told
             words.append((DANGER if least < numbers.world.safe_distance else FAINT, told))
         if position >= numbers.steps and numbers.outcome is not None:
             words.append((OUTCOMES[numbers.outcome], numbers.outcome))
@@ -61,7 +62,7 @@ def _draw_actions(
     surface: pygame.Surface, room: pygame.Rect, view: EpisodeView, step: int, size: int
 ) -> None:
     """Draw a box for each action, with its turn (rad/s) and speed; the chosen one is bright."""
-    world, chosen = view.telemetry.world, view.telemetry.action(step)
+    world, chosen, sea = view.telemetry.world, view.telemetry.action(step), view.case.scale
     pitch = room.width / len(world.actions)
     for k in range(len(world.actions)):
         box = pygame.Rect(room.left + k * pitch + 2, room.top, pitch - 4, room.height)
@@ -70,6 +71,7 @@ def _draw_actions(
             surface, blend(colour, BACKGROUND, 0.3 if k == chosen else 0.1), box, border_radius=6
         )
         speed, turn = action_text(world, k).split(" m/s ")
-        for line, words in enumerate((turn, f"{speed} m/s")):
+        told = f"{speed} m/s" if sea is None else sea.knots(world.actions[k][0])
+        for line, words in enumerate((turn, told)):
             at = box.centerx, box.top + (0.3 + 0.42 * line) * box.height
             pen.write(surface, words, at, colour, size, k == chosen and not line, across=0.5)

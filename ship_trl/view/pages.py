@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections import Counter
 from collections.abc import Sequence
-from itertools import accumulate
+from itertools import accumulate, zip_longest
 from pathlib import Path
 
 import pygame
@@ -17,6 +17,7 @@ from ship_trl.config.types import World
 from ship_trl.learn.rollout import Episode
 from ship_trl.sim import scene
 from ship_trl.sim.encounter import Encounter, are_ruled, classify, relative_motion
+from ship_trl.sim.scale import Scale
 from ship_trl.sim.state import (
     SHIP_COUNT,
     SHIP_Y,
@@ -35,6 +36,8 @@ MARGIN, GAP = 16, 12
 MAX_START_SIDE, PATH_SIDE = 760, 140
 # Pixels in a row of starts, and pictures in a row.
 STARTS_WIDTH, STARTS, PATHS = 1148, 5, 8
+# Side, columns, and letters of names and of other lines, of a page of all episodes and of failures alone.
+TRIED, FAILED = (PATH_SIDE, PATHS, 13, 12), (250, 3, 18, 16)
 MAX_PATHS, MAX_TITLE = 48, 52
 # Seconds of the way ahead of a start: the ships of Imazu's problems meet after these.
 AHEAD = 20.0
@@ -52,6 +55,7 @@ CLASSES: dict[Encounter, tuple[str, Colour]] = {
 # A line of text: its words, letters in pixels, and colour.
 Line = tuple[str, int, Colour]
 Cell = tuple[pygame.Surface, Sequence[Line]]
+Scales = Sequence[Scale | None]
 
 
 def encounter_classes(state: Tensor) -> list[Encounter]:
@@ -69,35 +73,46 @@ def class_captions(state: Tensor) -> list[Line]:
     return lines or [("no target ships", 13, FAINT)]
 
 
-def write_case_page(path: Path, names: Sequence[str], states: Tensor, world: World) -> None:
-    """Write a PNG with a picture, a name (lines) and the encounter classes of each state [N, S].
+def write_case_page(
+    path: Path, names: Sequence[str], states: Tensor, world: World, scales: Scales = ()
+) -> None:
+    """Write a PNG with a picture, a name and the encounter classes of each state [N, S].
 
     All pictures have one scale, and the middle of the way from start to goal in the middle; few are larger.
+    `scales` are those at sea of scenes of other tools, as many as names.
     """
     width = 2 * (max(map(_reach, states)) + AROUND_SCENES)
     columns = min(STARTS, len(names))
     side = min(MAX_START_SIDE, (STARTS_WIDTH + GAP) // columns - GAP)
     cells = [
-        (draw_start(state, world, side, width), [*_captions(name), *class_captions(state)])
-        for name, state in zip(names, states, strict=True)
+        (draw_start(state, world, side, width, sea), [*_captions(name, world, sea), *class_captions(state)])
+        for name, state, sea in zip_longest(names, states, scales)
     ]
     (expected, safe), hull = circle_names(world), hull_length(world, side / width)
     scale = f"north up, width {width:.0f} m; hulls drawn {hull:.0f} m long; blue: goal, {expected}"
     footer = (
         f"{scale}; around own ship: {safe}",
-        f"lines: {AHEAD:g} s ahead, in the colour of the class; classes by Pedersen's sectors",
+        f"lines: {AHEAD:g} s ahead, in the colour of the class; classes by Pedersen's sectors"
+        + _width_at_sea(width, scales),
     )
     _write_page(path, cells, columns, footer)
 
 
-def _captions(name: str) -> list[tuple[str, int, Colour]]:
-    """Return a name's first line in large letters, and the others in small ones."""
-    first, *others = name.splitlines()
-    return [(first, 16, TEXT), *((line, 12, FAINT) for line in others)]
+def _captions(name: str, world: World, sea: Scale | None) -> list[Line]:
+    """Return a name in large letters, and the scale at sea in small ones."""
+    words = [] if sea is None else sea.describe(world).split(", ")
+    lines = [", ".join(words[:2]), *words[2:]] if words else []
+    return [(name, 16, TEXT), *((line, 12, FAINT) for line in lines)]
 
 
 def write_episode_page(
-    path: Path, title: str, names: Sequence[str], episodes: Sequence[Episode], world: World
+    path: Path,
+    title: str,
+    names: Sequence[str],
+    episodes: Sequence[Episode],
+    world: World,
+    scales: Scales = (),
+    failures: bool = False,
 ) -> None:
     """Write a PNG with a picture of each episode, at most `MAX_PATHS`, failures first; all have one scale.
 
@@ -107,28 +122,37 @@ def write_episode_page(
         names: of the scenes that the episodes begin with, one or more lines each.
         episodes: finished episodes, as many as `names`.
         world: length of a step, and the two circles.
+        scales: at sea, of scenes of other tools, as many as `names`.
+        failures: whether to show only failures, larger, with a line at each closest approach.
     """
     ends = Counter(one.outcome for one in episodes)
-    order = sorted(range(len(episodes)), key=lambda k: FAILURES.index(episodes[k].outcome))[:MAX_PATHS]
+    order = sorted(range(len(episodes)), key=lambda k: FAILURES.index(episodes[k].outcome))
+    order = [k for k in order if not (failures and episodes[k].goal)]
+    side, columns, large, small = FAILED if failures else TRIED
     reach = max(float(goal_distance(one.states[0])) / 2 for one in episodes)
     width = 2 * (reach + world.goal_distance + AROUND_PATHS)
     cells: list[Cell] = []
-    for one, name in ((episodes[k], names[k]) for k in order):
+    scales = scales or [None] * len(episodes)
+    for one, name, sea in ((episodes[k], names[k], scales[k]) for k in order[:MAX_PATHS]):
         near = f", {one.dcpa:.0f} m" if math.isfinite(one.dcpa) else ""
-        end = f"{one.outcome} {one.length * world.dt:.0f} s{near}", 12, OUTCOMES[one.outcome]
-        lines: list[Line] = [*((line, 13, TEXT) for line in name.split("\n")), end]
-        cells.append((draw_paths(one, world, PATH_SIDE, width), lines))
-    shown = f", {len(order)} shown" if len(order) < len(episodes) else ""
+        end = f"{one.outcome} {one.length * world.dt:.0f} s{near}", small, OUTCOMES[one.outcome]
+        lines: list[Line] = [*((line, large, TEXT) for line in name.split("\n")), end]
+        if sea is not None:
+            at_sea = sea.minutes(one.length * world.dt)
+            lines.append((f"{at_sea}, {sea.miles(one.dcpa)}" if near else at_sea, small, FAINT))
+        cells.append((draw_paths(one, world, side, width, sea, failures), lines))
+    shown = f", {MAX_PATHS} shown" if len(order) > MAX_PATHS else ""
     # The end of a long path says most.
     title = title if len(title) <= MAX_TITLE else f"...{title[-MAX_TITLE:]}"
     header: list[Line] = [(f"{title}: {counted(len(episodes), 'episode')}{shown}", 18, TEXT)]
     header += [(f"{outcome} {ends[outcome]}", 15, OUTCOMES[outcome]) for outcome in FAILURES]
     expected, safe = circle_names(world)
-    footer = (
+    footer = [
         f"north up, width {width:.0f} m; a dot a step, a larger one every ten; ships where the episode ends",
         f"captions: end, time, least distance; blue: goal, {expected}; around own ship: {safe}",
-    )
-    _write_page(path, cells, PATHS, footer, header)
+    ]
+    footer += ["yellow: the closest approach" + _width_at_sea(width, scales)] * failures
+    _write_page(path, cells, columns, footer, header)
 
 
 def _write_page(
@@ -164,23 +188,43 @@ def _write_page(
     pen.save(page, path)
 
 
+def _width_at_sea(width: float, scales: Scales) -> str:
+    """Write the width at sea if it is the same in all scenes."""
+    found = {one and one.length for one in scales}
+    return f"; width {scales[0].miles(width)} at sea" if len(found) == 1 and scales[0] else ""
+
+
 def _height(line: Line) -> int:
     return round(1.35 * line[1])
 
 
-def draw_start(state: Tensor, world: World, side: int, width: float) -> pygame.Surface:
+def draw_start(
+    state: Tensor, world: World, side: int, width: float, sea: Scale | None = None
+) -> pygame.Surface:
     """Draw a state [S] as a square of `width` metres; the way of a ship has the colour of its class."""
     telemetry, picture = still(world, state), pen.new_surface(side, side)
     ways = [scene.OWN, *(CLASSES[one][1] for one in encounter_classes(state))]
-    paint_scene(picture, telemetry, 0.0, _frame(state, side, width), ways=ways, ahead=AHEAD)
+    paint_scene(picture, telemetry, 0.0, _frame(state, side, width), ways=ways, ahead=AHEAD, sea=sea)
     return picture
 
 
-def draw_paths(episode: Episode, world: World, side: int, width: float) -> pygame.Surface:
+def draw_paths(
+    episode: Episode,
+    world: World,
+    side: int,
+    width: float,
+    sea: Scale | None = None,
+    marks_closest: bool = False,
+) -> pygame.Surface:
     """Draw an episode's paths as a square of `width` metres; own ship's has the colour of the outcome."""
     telemetry, picture = measure_episode(world, episode), pen.new_surface(side, side)
-    frame = _frame(episode.states[0], side, width)
-    paint_scene(picture, telemetry, telemetry.steps, frame, track=OUTCOMES[episode.outcome], ahead=0.0)
+    frame, track = _frame(episode.states[0], side, width), OUTCOMES[episode.outcome]
+    paint_scene(picture, telemetry, telemetry.steps, frame, track=track, ahead=0.0, sea=sea)
+    if marks_closest and (places := telemetry.closest_places()) is not None:
+        ends = [frame.point(*place) for place in places]
+        pen.polyline(picture, YELLOW, ends, 2)
+        for end in ends:
+            pen.circle(picture, YELLOW, end, 3)
     return picture
 
 

@@ -17,8 +17,10 @@ import pygame
 import torch
 from torch import Tensor
 
+from ship_trl.config.bounds import NAUTICAL_MILE
 from ship_trl.config.types import World
 from ship_trl.sim import scene
+from ship_trl.sim.scale import Scale
 from ship_trl.sim.state import GOAL_X, GOAL_Y, HEADING, SPEED, X, Y
 from ship_trl.view import pen
 from ship_trl.view.episode import Numbers, Telemetry
@@ -55,6 +57,8 @@ MARGIN, WIDTH_STEP = 90.0, 100.0
 VECTOR_TIME, MAX_VECTOR = 10.0, 4 * scene.VIEW_RADIUS
 # Metres between the lines of a grid, or of a scale bar.
 LENGTHS = (50, 100, 200, 500, 1000, 2000, 5000, 10**4, 10**5)
+# Nautical miles of a scale bar.
+MILES = (0.1, 0.2, 0.5, 1, 2, 5, 10, 20, 50, 100, 1000, 10**4)
 
 
 @dataclass(frozen=True)
@@ -133,6 +137,7 @@ def paint_scene(
     track: Colour = OWN_TRACK,
     ways: Sequence[Colour] = (),
     ahead: float = VECTOR_TIME,
+    sea: Scale | None = None,
 ) -> None:
     """Fill a square surface with the scene at a position in steps; a small one has no words.
 
@@ -145,6 +150,7 @@ def paint_scene(
         track: colour of own ship's track.
         ways: colours of the ways ahead, own ship's first; default: quiet ones.
         ahead: seconds of these ways.
+        sea: the scale of a scene of another tool, shown beside the simulator's.
     """
     world, step = telemetry.world, min(int(position), telemetry.steps)
     own, ships = telemetry.at(position)
@@ -172,7 +178,7 @@ def paint_scene(
         course = np.array([math.cos(pose[HEADING]), math.sin(pose[HEADING])])
         end = pose[:2] + min(speed * ahead, MAX_VECTOR) * course
         pen.strip(picture, way, frame.point(*pose[:2]), frame.point(*end), 2.0 if ways else thin)
-    for words, box in place_labels(telemetry, position, frame, large).items():
+    for words, box in place_labels(telemetry, position, frame, large, sea).items():
         at = frame.point(*poses[int(words)][:2]) if words.isdecimal() else box.center
         _draw_label(picture, frame, words, box, at)
     for k, (pose, drawn) in enumerate(zip(poses, lengths, strict=True)):
@@ -191,22 +197,36 @@ def ship_poses(
 
 
 def place_labels(
-    telemetry: Telemetry, position: float, frame: Projection, large: bool = False
+    telemetry: Telemetry,
+    position: float,
+    frame: Projection,
+    large: bool = False,
+    sea: Scale | None = None,
 ) -> dict[str, pygame.Rect]:
     """Return the box of each label in the picture of a scene by its words; no two overlap, and all are whole.
 
     The labels are the arrow to the north "N", the scale "200 m", the outcome "GOAL" after the last step, the
-    word "goal", and the numbers of the target ships from "1" on. Where there is room, they keep clear of
-    hulls. What is outside the picture has no label, and a small picture has none at all.
+    word "goal", and the numbers of the target ships from "1" on. With the scale at sea there are also "1 NM",
+    and the time "08:30 UTC" or "+12 min". Where there is room, labels keep clear of hulls. What is outside
+    the picture has no label, and a small picture has none at all.
     """
     side = frame.side
     if side < SMALL_SIDE:
         return {}
     reach, size, left = north_reach(side), text_size(side, 16), 0.022 * side
-    metres = next(metres for metres in LENGTHS if metres * frame.scale > max(45, 3.5 * size))
-    scale = pygame.Rect(0, 0, metres * frame.scale + 2 * left, left + 8 + 1.7 * size)
-    scale.bottomleft = (0, side)
-    found = {NORTH: _box((1.75 * reach, 1.75 * reach), (3 * reach, 3 * reach)), f"{metres} m": scale}
+    found = {NORTH: _box((1.75 * reach, 1.75 * reach), (3 * reach, 3 * reach))}
+    units: list[tuple[str, Sequence[float], float]] = [("m", LENGTHS, frame.scale)]
+    if sea is not None:
+        units.append(("NM", MILES, frame.scale * NAUTICAL_MILE / sea.length))
+        words = sea.clock(position * telemetry.world.dt)
+        found[words] = pygame.Rect(0, 0, pen.width_of(words, size) + 2 * left, 2 * size)
+        found[words].bottomright = (side, side)
+    bottom = side
+    for unit, lengths, pixels in units:
+        length = next(length for length in lengths if length * pixels > max(45, 3.5 * size))
+        bar = pygame.Rect(0, 0, length * pixels + 2 * left, left + 8 + 1.7 * size)
+        bar.bottomleft = (0, bottom)
+        found[f"{length} {unit}"], bottom = bar, bar.top
     if telemetry.outcome is not None and position >= telemetry.steps:
         words, size = telemetry.outcome.upper(), text_size(side, 30)
         width = pen.width_of(words, size, True) + 2 * size
@@ -281,8 +301,11 @@ def _draw_label(picture: pygame.Surface, frame: Projection, words: str, box: pyg
         arrow = [compass.point(x, y) for x, y in ((0, 0.6), (0.5, -0.9), (0, -0.55), (-0.5, -0.9))]
         pen.polygon(picture, TEXT, arrow)
         pen.write(picture, words, compass.point(0, 0.98), TEXT, text_size(side, 17), True, across=0.5)
-    elif words.endswith(" m"):
-        size, left, down = text_size(side, 16), 0.022 * side, 0.978 * side
+    elif words.endswith((" UTC", " min")):
+        pygame.draw.rect(picture, BACKGROUND, box, border_top_left_radius=6)
+        pen.write(picture, words, box.center, TEXT, text_size(side, 16), across=0.5)
+    elif words.endswith((" m", " NM")):
+        size, left, down = text_size(side, 16), 0.022 * side, 0.978 * side - (side - box.bottom)
         length = box.width - 2 * left
         pygame.draw.rect(picture, BACKGROUND, box, border_top_right_radius=6)
         pygame.draw.rect(picture, TEXT, (left, down - 3, length, 3))

@@ -10,7 +10,7 @@ import pytest
 from PIL import Image
 
 from ship_trl import load_policy
-from ship_trl.cli.evaluate import SCORES, main
+from ship_trl.cli.evaluate import MILES_OF_ALL, SCORES, main
 from ship_trl.config.errors import ConfigError
 from ship_trl.policies.registry import POLICIES
 from tests.command import SMOKE, refused, ship_trl
@@ -30,7 +30,8 @@ def table(capsys: pytest.CaptureFixture[str], *words: str) -> list[list[str]]:
 
 
 def scores(capsys: pytest.CaptureFixture[str], *words: str) -> list[dict[str, str]]:
-    return [dict(zip(SCORES, row, strict=True)) for row in table(capsys, *words)]
+    headings = [heading for heading in SCORES if heading != MILES_OF_ALL]
+    return [dict(zip(headings, row, strict=True)) for row in table(capsys, *words)]
 
 
 def test_policies_without_training(capsys: pytest.CaptureFixture[str]) -> None:
@@ -62,7 +63,9 @@ def test_a_row_of_each_episode_and_a_sheet_of_their_paths(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     files = tmp_path / "all.csv", tmp_path / "all.png"
-    scores(capsys, "keep_course", "vo", "target=paper", "--csv", str(files[0]), "--sheet", str(files[1]))
+    failed = ("--failures", str(tmp_path / "failed.png"))
+    words = ("--csv", str(files[0]), "--sheet", str(files[1]), *failed)
+    scores(capsys, "keep_course", "vo", "target=paper", *words)
     with files[0].open() as file:
         rows = list(csv.DictReader(file))
     assert [row["policy"] for row in rows] == 7 * ["keep_course"] + 7 * ["vo"]
@@ -75,7 +78,10 @@ def test_a_row_of_each_episode_and_a_sheet_of_their_paths(
         # A second row of pictures, and a line for the policy below each.
         assert both.width == one.width and both.height > 1.5 * one.height
     (tmp_path / "one.png").unlink()
-    assert sorted(path.name for path in tmp_path.iterdir()) == ["all.csv", "all.png"]
+    assert sorted(path.name for path in tmp_path.iterdir()) == ["all.csv", "all.png", "failed.png"]
+    (tmp_path / "failed.png").unlink()
+    main(["keep_course", "target=1", *failed])
+    assert "nothing failed" in capsys.readouterr().out and not (tmp_path / "failed.png").exists()
 
 
 def test_a_run_is_a_policy(trained: Path, tmp_path: Path) -> None:

@@ -2,13 +2,18 @@
 
 from dataclasses import replace
 
-from ship_trl.cli.evaluate import GOOD_SCORES, RULE_SCORES, SCORES, Scored
+import pytest
+
+from ship_trl.cli.evaluate import GOOD_SCORES, MILES_OF_ALL, RULE_SCORES, SCORES, Scored
 from ship_trl.config.types import World
 from ship_trl.policies.named import rollout_entry
 from ship_trl.policies.registry import Entry, split_suites
 from ship_trl.sim.cases import load_suite
+from ship_trl.sim.scale import Scale
 from ship_trl.sim.state import first_case
 from tests.command import ROOT
+
+SEA = Scale(12.35, 0.41, "2025-06-01 08:30:00+00:00")
 
 
 def evaluated(world: World, suite: str, episodes: int | None = None) -> Scored:
@@ -46,3 +51,19 @@ def test_every_row_has_the_cells_of_the_headings(world: World) -> None:
     rows = [one.row(None), *one.class_rows()]
     assert {len(row) for row in rows} == {len(SCORES)}
     assert rows[0][2] == "20" and sum(int(row[2]) for row in rows[1:]) == 20
+
+
+def test_scenes_of_other_tools_have_miles_and_times(world: World) -> None:
+    own = evaluated(world, "paper")
+    cases = tuple(replace(case, scale=SEA) for case in own.entry.suite.cases)
+    found = replace(own, entry=replace(own.entry, suite=replace(own.entry.suite, cases=cases)))
+    place = SCORES.index(MILES_OF_ALL)
+    assert own.row(None)[place] == "" and len(found.row(None)) == len(SCORES)
+    cells = (found.row(None)[k].replace("(", "").strip(")").split() for k in (place - 1, place))
+    metres, miles = ([float(word) for word in words] for words in cells)
+    assert miles == pytest.approx([length * 12.35 / 1852 for length in metres], abs=0.01)
+    (plain, *_), (row, *others) = list(own.csv_rows()), list(found.csv_rows())
+    assert {*row} - {*plain} == {"start_utc", "least_distance_nm"} and row["least_distance_nm"] == ""
+    assert {one["start_utc"] for one in others} == {SEA.start}
+    length, nautical = (float(others[0][f"least_distance{end}"]) for end in ("", "_nm"))
+    assert nautical == pytest.approx(length * 12.35 / 1852, rel=1e-4)

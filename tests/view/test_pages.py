@@ -18,7 +18,7 @@ from ship_trl.sim.encounter import Encounter
 from ship_trl.sim.starts import Starts
 from ship_trl.sim.state import initial_state
 from ship_trl.view import pages, pen
-from ship_trl.view.style import BACKGROUND, OUTCOMES
+from ship_trl.view.style import BACKGROUND, OUTCOMES, YELLOW
 
 
 def read(path: Path) -> NDArray[np.uint8]:
@@ -97,3 +97,21 @@ def test_failures_come_first_and_the_page_has_a_largest_size(
     assert count_pixels(shown[:, half:], "goal") > 100 and count_pixels(shown[:, half:], "collision") == 0
     many = 10 * episodes
     assert page("all", many).shape == page("most", many[: pages.MAX_PATHS]).shape
+
+
+def test_a_page_of_failures_has_these_alone_with_their_closest_approach(
+    world: World, tmp_path: Path, episodes: list[Episode]
+) -> None:
+    failed = [one for one in episodes if not one.goal]
+    for name, some in (("all", episodes), ("failed", failed)):
+        (tmp_path / name).mkdir()
+        path = tmp_path / name / "page.png"
+        pages.write_episode_page(path, "kept", ["x"] * len(some), some, world, failures=True)
+    every, alone = read(tmp_path / "all/page.png"), read(tmp_path / "failed/page.png")
+    assert every.shape == alone.shape and 0 < len(failed) < len(episodes)
+    # Below the header, where all episodes are counted.
+    assert (every[pages.MARGIN + 34 :] == alone[pages.MARGIN + 34 :]).all()
+    assert (every != alone).any()
+    pictures = (pages.draw_paths(failed[0], world, 268, 900.0, marks_closest=mark) for mark in (False, True))
+    yellow = [(pen.to_array(picture) == YELLOW).all(-1).sum() for picture in pictures]
+    assert yellow[0] == 0 and yellow[1] > 5

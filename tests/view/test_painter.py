@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 from ship_trl.config.types import World
 from ship_trl.sim import scene
 from ship_trl.sim.cases import Case, TargetShip, load_case, load_world
+from ship_trl.sim.scale import Scale
 from ship_trl.sim.state import initial_state
 from ship_trl.view import pen
 from ship_trl.view.episode import Telemetry, measure_episode
@@ -32,6 +33,7 @@ from ship_trl.view.style import DANGER, GOAL_MARK
 from tests.view.episodes import run_actions
 
 SIDE = 840
+START = "2025-06-01 23:50:00+00:00"
 
 
 def measured(world: World, case: str = "4", plan: tuple[int, ...] = (3, 4)) -> Telemetry:
@@ -120,7 +122,8 @@ def test_labels_never_overlap_and_every_ship_in_sight_has_one(world: World) -> N
     for _ in range(500):
         one, side = random_scene(draw, world), int(draw.integers(SMALL_SIDE, 1800))
         frame = map_frame((one,), side) if draw.integers(2) else relative_frame(one.at(0.0)[0], side)
-        found = place_labels(one, 0.0, frame, large=bool(draw.integers(2)))
+        sea = (None, Scale(12.35, 0.41), Scale(12.35, 0.41, START))[draw.integers(3)]
+        found = place_labels(one, 0.0, frame, large=bool(draw.integers(2)), sea=sea)
         boxes, picture = list(found.values()), pygame.Rect(0, 0, side, side)
         assert all(picture.contains(box) for box in boxes)
         assert not any(box.collidelist(boxes[:k]) >= 0 for k, box in enumerate(boxes))
@@ -141,3 +144,18 @@ def test_a_label_keeps_its_place_beside_its_ship_unless_that_is_taken(world: Wor
     first, second = place_labels(alone, 0.0, frame), place_labels(both, 0.0, frame)
     assert first["1"] == second["1"]
     assert math.dist(second["2"].center, frame.point(101.0, 300.0)) < 3 * second["2"].width
+
+
+def test_a_scene_of_another_tool_has_a_second_bar_and_a_clock(world: World) -> None:
+    """A bar of a nautical mile is as long as 1852 m at sea are in the picture."""
+    telemetry, sea = measured(world), Scale(12.35, 0.41, START)
+    frame = map_frame((telemetry,), SIDE)
+    own = place_labels(telemetry, 20.0, frame)
+    assert not any(words.endswith(("NM", "UTC", "min")) for words in own)
+    found = place_labels(telemetry, 20.0, frame, sea=sea)
+    (bar,) = (words for words in found if words.endswith(" NM"))
+    pixels = found[bar].width - 2 * 0.022 * SIDE
+    assert pixels == pytest.approx(float(bar.split()[0]) * 1852 / 12.35 * frame.scale, abs=1)
+    # A step is 12.35 / 0.41 = 30.1 s: 20 of them end at midnight.
+    assert "00:00 UTC" in found and own.keys() < found.keys()
+    assert "+10 min" in place_labels(telemetry, 20.0, frame, sea=replace(sea, start=""))

@@ -1,5 +1,6 @@
 """Each example runs as its first lines say."""
 
+import json
 import math
 import sys
 from functools import partial
@@ -20,8 +21,10 @@ from torchrl.objectives import SoftUpdate
 from ship_trl.cli.evaluate import main
 from ship_trl.learn.double_dqn import DoubleDQN
 from ship_trl.learn.train import train
+from ship_trl.sim.cases import load_suite, load_world
 from tests.command import ROOT, SMOKE, ship_trl
 from tests.forked import run_script
+from tests.formats.traffic import CROSSING, make, write
 from tests.learn.worlds import Corridor, corridor_setup, schedule
 
 # Whether TorchRL's compiled extension loads.
@@ -37,8 +40,8 @@ ARGUMENTS = {
     "sources_in_pandas": [str(ROOT / "outputs/sources/numbers.csv.xz"), "FTW"],
     "study_in_pandas": [str(ROOT / "outputs/quick_study/report/runs.csv")],
 }
-# Builders of algorithms, which the command takes, and one that has a test of its own.
-OTHERS = ("own_algorithm", "prioritised_replay", "sb3_extractor")
+# Builders of algorithms, which the command takes, and those that have a test of their own.
+OTHERS = ("own_algorithm", "prioritised_replay", "sb3_extractor", "imazu_two_readings", "ais_encounter")
 MAX_LINES = 80
 
 
@@ -172,6 +175,28 @@ def test_large_errors_are_drawn_more_often_and_a_checkpoint_keeps_them(trees: No
 def test_a_frozen_extractor_does_not_learn(words: tuple[str, ...], tmp_path: Path) -> None:
     ended = run_script(ROOT / "examples/sb3_extractor.py", "--steps", "200", *words, folder=tmp_path)
     assert f"{0 if words else 8} of 8 tensors of the extractor changed" in ended.out, ended
+
+
+def test_two_readings_that_are_one_differ_in_nothing(tmp_path: Path) -> None:
+    """Our Imazu problems, written as NTNU's scenarios."""
+    for case in load_suite("imazu", load_world()).cases:
+        places = [(*case.start, case.heading, 15.0), (*case.goal, 0.0, 0.0)]
+        places += [(ship.x, ship.y, ship.heading, ship.speed) for ship in case.target_ships]
+        # North and east in metres at sea, speed, course.
+        states = [[12.35 * y, 12.35 * x, speed, (90 - turn) % 360] for x, y, turn, speed in places]
+        ships = [{"csog_state": state} for state in (states[0], *states[2:])]
+        ships[0]["goal_csog_state"] = states[1]
+        (tmp_path / f"{case.name}.yaml").write_text(f"ship_list: {json.dumps(ships)}\n")
+    ended = run_script(ROOT / "examples/imazu_two_readings.py", str(tmp_path), folder=tmp_path)
+    assert ended.code == 0 and "In 22 of 22 problems the classes agree." in ended.out, ended
+    assert " / " not in ended.out and ended.out.count("\n| ") == 22
+
+
+def test_an_encounter_of_a_table_is_drawn(tmp_path: Path) -> None:
+    write(tmp_path / "day.csv", make(CROSSING), "danish")
+    words = str(tmp_path / "day.csv"), str(tmp_path / "encounter.png"), "0"
+    assert run_script(ROOT / "examples/ais_encounter.py", *words, folder=tmp_path).code == 0
+    assert np.asarray(Image.open(tmp_path / "encounter.png")).std() > 5
 
 
 def test_torchrl_alone_takes_few_lines() -> None:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import replace
-from itertools import pairwise
+from itertools import chain, pairwise
 
 import torch
 from tensordict import TensorDictBase
@@ -15,7 +15,7 @@ from ship_trl.fast.worlds import make_env
 from ship_trl.learn.rollout import Episode, Policy, rollout
 from ship_trl.sim.cases import Case, Suite
 from ship_trl.sim.env import ShipEnv
-from ship_trl.sim.state import STEP, state_size
+from ship_trl.sim.state import STEP, initial_state
 
 NAME = "recorded"
 
@@ -32,17 +32,20 @@ def recorded_actions(case: Case, world: World) -> list[list[float]]:
 
 
 def follow_track(env: ShipEnv, _: int = 0) -> Policy:
-    """Return the policy that takes a world's actions one after the other; see `rollout_recorded`.
+    """Return the policy of `rollout_recorded`, in whose world the actions of each track follow the last one.
 
     Raises:
         ConfigError: no case has a recorded track, or starts are perturbed.
     """
     if env.suite.is_drawn or not any(case.track for case in env.suite.cases):
         raise ConfigError(f"policy: {NAME} is known of AIS traffic alone; allowed: target=FILE of positions")
-    last = len(env.world.actions) - 1
+    # As many as `recorded_actions` returns.
+    lengths = torch.tensor([len(case.track) + 1 for case in env.suite.cases])
+    first = lengths.cumsum(0) - lengths
 
     def policy(step: TensorDictBase) -> TensorDictBase:
-        return step.set("action", step["state"][..., STEP].long().clamp(max=last))
+        time = step["state"][..., STEP].long()
+        return step.set("action", first + torch.minimum(time, lengths - 1))
 
     return policy
 
@@ -50,21 +53,20 @@ def follow_track(env: ShipEnv, _: int = 0) -> Policy:
 def rollout_recorded(suite: Suite, world: World) -> list[Episode]:
     """Return the episode of each case's track, with those actions of the world that are most alike.
 
-    Each case has a world of its own, whose actions are what own ship did.
-
-    Raises:
-        ConfigError: as `follow_track`.
+    The episodes run side by side, in a world whose actions are what all own ships did. The suite is one
+    that `follow_track` takes.
     """
-    episodes, size = [], state_size(max(len(case.target_ships) for case in suite.cases))
-    for case in suite.cases:
-        # A replayed ship is told by its number in the whole suite, so the suite stays.
-        env = make_env(replace(suite, cases=(case,)), replace(world, actions=recorded_actions(case, world)))
-        (episode,) = rollout(env, follow_track(env))
-        taken = torch.tensor(env.world.actions)[episode.actions]
+    done = [recorded_actions(case, world) for case in suite.cases]
+    places = max(len(case.target_ships) for case in suite.cases)
+    starts = [
+        initial_state(case, replace(world, actions=actions), places)
+        for case, actions in zip(suite.cases, done, strict=True)
+    ]
+    env = make_env(suite, replace(world, actions=[*chain(*done)]), starts=torch.stack(starts))
+    actions, episodes = torch.tensor(env.world.actions), []
+    for episode in rollout(env, follow_track(env)):
         # A rate of turn counts a hundred times: 0.1 rad/s as much as 10 m/s.
-        apart = (taken[:, None] - torch.tensor(world.actions)) * torch.tensor([1.0, 100.0])
+        apart = (actions[episode.actions][:, None] - torch.tensor(world.actions)) * torch.tensor([1.0, 100.0])
         nearest = torch.linalg.vector_norm(apart, dim=-1).argmin(-1)
-        # As many places for target ships as in the other cases.
-        states = torch.nn.functional.pad(episode.states, (0, size - episode.states.shape[-1]))
-        episodes.append(replace(episode, states=states, actions=nearest))
+        episodes.append(replace(episode, actions=nearest))
     return episodes

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 import torch
@@ -50,21 +52,22 @@ def test_ships_of_a_suite_follow_their_own_paths() -> None:
 
 
 def test_gymnasium_planner_and_pictures_move_recorded_ships_likewise(monkeypatch: pytest.MonkeyPatch) -> None:
-    # On its course the ship passes far ahead; on its path it meets own ship.
+    # On its course the ship passes far ahead; on its path it meets own ship. The search is short.
+    world = replace(WORLD, max_steps=36)
     path = tuple((200.0 - 10 * step, 150.0 + 5 * step) for step in range(1, 31))
     ship = RecordedShip(200, 150, 0, 15, path=path)
-    suite = suite_of(Case([0, 0], 90, [0, 600], "", [ship], "c"))
-    monkeypatch.setattr("ship_trl.gym.load_changed", lambda *_: (suite, WORLD))
+    suite = suite_of(Case([0, 0], 90, [0, 400], "", [ship], "c"))
+    monkeypatch.setattr("ship_trl.gym.load_changed", lambda *_: (suite, world))
     own = ShipCollisionEnv()
     own.reset()
-    *_, info = next(found for _ in range(60) if (found := own.step(np.int64(WORLD.straight_action)))[2])
+    *_, info = next(found for _ in range(36) if (found := own.step(np.int64(world.straight_action)))[2])
     assert info["collision"]
-    straight = [WORLD.straight_action] * 60
-    plan, best = follow_plan(suite.case, WORLD, straight), best_plan(suite.case, WORLD, beam=200)
+    straight = [world.straight_action] * 36
+    plan, best = follow_plan(suite.case, world, straight), best_plan(suite.case, world, beam=100)
     assert not plan.goal and best.goal
-    (episode,) = rollout(env := make_env(suite, WORLD), keep_course(env))
-    assert episode.collision and Telemetry(WORLD, episode.states, episode.actions).outcome == "collision"
-    assert follow_plan(suite.case, WORLD, best.actions) == best
+    (episode,) = rollout(env := make_env(suite, world), keep_course(env))
+    assert episode.collision and Telemetry(world, episode.states, episode.actions).outcome == "collision"
+    assert follow_plan(suite.case, world, best.actions) == best
 
 
 def test_a_ship_without_a_path_keeps_its_course() -> None:

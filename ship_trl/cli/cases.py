@@ -31,7 +31,7 @@ from ship_trl.sim.cases import (
     to_course,
 )
 from ship_trl.study.transfers import BUNDLED_TABLE, TABLE, Transfer, read_transfers, transfers_to
-from ship_trl.transfer.casebase import CaseBase, rank
+from ship_trl.transfer.casebase import PLANS, CaseBase, rank
 from ship_trl.transfer.similarity import MEASURES, describe_similarity, distance, similarity
 
 DEFAULT = "paper,ship"
@@ -82,7 +82,7 @@ def main(arguments: list[str] | None = None) -> None:
             known = [] if options.measured is None else read_transfers(options.measured)
             words = [override("target", given), *(word for word in options.words if "target=" not in word)]
             show_ranking(target, words, sources, world, options.by, CaseBase(options.case_base))
-            show_expected(target, words, sources, world)
+            show_expected(target, words, sources, world, options.case_base / PLANS)
             show_measured(target, given, transfers_to(target, known, sources))
             name = f"case_{target.name}"
         path = options.picture or Path("outputs") / f"{name}.png"
@@ -200,13 +200,16 @@ def show_measured(target: Case, given: str, found: list[Transfer]) -> None:
     sys.stdout.write("\n".join(lines) + "\n")
 
 
-def show_expected(target: Case, given: list[str], sources: list[Case], world: World) -> None:
-    """Print the bundled network with the largest zero-shot score, which predicts gains best."""
+def show_expected(target: Case, given: list[str], sources: list[Case], world: World, plans: Path) -> None:
+    """Print the bundled network with the largest zero-shot score, which predicts gains best.
+
+    The search of a plan is kept in the folder `plans`, where runs look for it.
+    """
     from ship_trl.fast.worlds import make_env
     from ship_trl.policies.named import load_network
     from ship_trl.policies.reference import score_bounds, zero_shot
 
-    names, bounds = {case.name for case in sources}, score_bounds(target, world)
+    names, bounds = {case.name for case in sources}, score_bounds(target, world, plans)
     env = make_env(suite_of(target), world)
     scores = {
         one.name: zero_shot(load_network(one.file, env), target, world, bounds)

@@ -223,9 +223,12 @@ def follow_plan(case: Case, world: World, actions: list[int]) -> Plan:
     return Plan(float(total), actions, goal)
 
 
-def score_bounds(case: Case, world: World) -> tuple[float, float]:
-    """Return the mean return of random actions in a case, whose score is 0, and the best known return."""
-    return random_return(suite_of(case), world), best_known(case, world).episode_return
+def score_bounds(case: Case, world: World, folder: Path | None = None) -> tuple[float, float]:
+    """Return the mean return of random actions in a case, whose score is 0, and the best known return.
+
+    `folder` is as for `best_known`.
+    """
+    return random_return(suite_of(case), world), best_known(case, world, folder).episode_return
 
 
 def zero_shot(network: DuelingNetwork, case: Case, world: World, bounds: tuple[float, float]) -> float:

@@ -170,7 +170,7 @@ class Panel:
             self.head("no target ships")
             return
         about = "; DCPA and TCPA if all keep course and speed" if self.is_wide else ""
-        self.head(f"target ships{'' if sea is None else ' at sea'}{about}")
+        self.head(f"target ships{'' if sea is None else ', NM at sea'}{about}")
         third = "closest" if sea is None else "speed"
         rows = [(("ship" if self.is_wide else "", "distance", third, "DCPA", "TCPA"), (FAINT,) * 5)]
         for k in range(count):
@@ -179,7 +179,9 @@ class Panel:
             told = f"{apart:.0f} m", f"{numbers.closest[step, k]:.1f} m", f"{dcpa:.0f} m", f"{time:.0f} s"
             if sea is not None:
                 speed = sea.knots(float(numbers.speeds[step, k]))
-                told = sea.miles(apart), speed, sea.miles(dcpa), sea.minutes(time)
+                # The head of the section has the unit.
+                miles, nearest = (sea.miles(one).removesuffix(" NM") for one in (apart, dcpa))
+                told = miles, speed, nearest, sea.minutes(time)
             near, third, pass_at, left = told
             warned = f"{'! ' if is_danger else ''}{pass_at}"
             cells = (f"{k + 1}", near, third, warned, left if time > 0 else "passed")

@@ -1,5 +1,6 @@
 """The whole picture: what changes with the step, the look and the size, and what its legend says."""
 
+from dataclasses import replace
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -10,6 +11,7 @@ from numpy.typing import NDArray
 from ship_trl.config.types import World
 from ship_trl.sim import scene
 from ship_trl.sim.cases import Case, load_case
+from ship_trl.sim.scale import Scale
 from ship_trl.view import pen
 from ship_trl.view.dashboard import SMALL, Layout, Look, draw_dashboard, step_at
 from ship_trl.view.episode import EpisodeView
@@ -101,13 +103,16 @@ def words_of(views: list[EpisodeView], size: tuple[int, int], patch: pytest.Monk
 
 
 @pytest.mark.parametrize("size", SIZES)
-@pytest.mark.parametrize("kind", ["network", "planner", "pair", "crowd"])
+@pytest.mark.parametrize("kind", ["network", "planner", "pair", "crowd", "foreign", "foreign pair"])
 def test_no_words_overlap_or_leave_the_window(
     kind: str, size: tuple[int, int], world: World, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     case = load_case("imazu22" if kind == "crowd" else "4", world)
-    views = [view(case, world, (3, 4), network=kind == "network")] * (2 if kind == "pair" else 1)
+    if kind.startswith("foreign"):
+        case = replace(case, scale=Scale(12.35, 0.41, "2025-06-01 08:30:00+00:00"))
+    views = [view(case, world, (3, 4), network=kind == "network")] * (2 if kind.endswith("pair") else 1)
     words = words_of(views, size, monkeypatch)
+    assert any(word.text.endswith(" UTC") for word in words) == kind.startswith("foreign")
     for k, (text, box, layer, room) in enumerate(words):
         assert pygame.Rect(0, 0, *room).contains(box), f"{text!r} is cut"
         for other, its, where, _ in words[:k]:

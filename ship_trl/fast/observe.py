@@ -12,23 +12,7 @@ import numpy as np
 from ship_trl.config.bounds import OWN_NUMBERS, SHIP_NUMBERS
 from ship_trl.fast.jit import compiled
 from ship_trl.fast.step import ONE, ZERO, Array
-from ship_trl.sim import scene, vector
-from ship_trl.sim.state import (
-    GOAL_X,
-    GOAL_Y,
-    HEADING,
-    OWN_SIZE,
-    SHIP_COUNT,
-    SHIP_HEADING,
-    SHIP_SIZE,
-    SHIP_SPEED,
-    SHIP_X,
-    SHIP_Y,
-    SPEED,
-    YAW_RATE,
-    X,
-    Y,
-)
+from ship_trl.sim import scene, state, vector
 
 VIEW, TCPA, DCPA = np.float32(scene.VIEW_RADIUS), np.float32(vector.TCPA), np.float32(vector.DCPA)
 MAX_SIZE, MIN_SPEED2 = np.float32(vector.MAX_SIZE), np.float32(vector.MIN_SPEED**2)
@@ -41,12 +25,10 @@ def observe_ship(row: Array, ship: int, cos: float, sin: float, max_speed: float
 
     `cos` and `sin` are of own ship's heading.
     """
-    east, north = row[ship + SHIP_X] - row[X], row[ship + SHIP_Y] - row[Y]
-    speed, course = row[ship + SHIP_SPEED], row[ship + SHIP_HEADING]
-    velocity_x, velocity_y = (
-        speed * math.cos(course) - row[SPEED] * cos,
-        speed * math.sin(course) - row[SPEED] * sin,
-    )
+    east, north = row[ship + state.SHIP_X] - row[state.X], row[ship + state.SHIP_Y] - row[state.Y]
+    speed, course = row[ship + state.SHIP_SPEED], row[ship + state.SHIP_HEADING]
+    velocity_x = speed * math.cos(course) - row[state.SPEED] * cos
+    velocity_y = speed * math.sin(course) - row[state.SPEED] * sin
     distance = math.sqrt(east * east + north * north)
     ahead, left = east * cos + north * sin, north * cos - east * sin
     onward, across = velocity_x * cos + velocity_y * sin, velocity_y * cos - velocity_x * sin
@@ -64,21 +46,22 @@ def observe_ship(row: Array, ship: int, cos: float, sin: float, max_speed: float
 @compiled()
 def observe(states: Array, max_speed: float, max_turn: float, seen: Array) -> None:
     """Write what is observed of states [N, S] into `seen` [N, F]; the rest is of `VectorObservation`."""
-    places, shown = (states.shape[1] - OWN_SIZE) // SHIP_SIZE, (seen.shape[1] - OWN_NUMBERS) // SHIP_NUMBERS
+    places = (states.shape[1] - state.OWN_SIZE) // state.SHIP_SIZE
+    shown = (seen.shape[1] - OWN_NUMBERS) // SHIP_NUMBERS
     distance2 = np.empty(places, np.float32)
     for n in range(states.shape[0]):
         row, numbers = states[n], seen[n]
-        cos, sin = math.cos(row[HEADING]), math.sin(row[HEADING])
-        east, north = row[GOAL_X] - row[X], row[GOAL_Y] - row[Y]
-        bearing = math.atan2(north, east) - row[HEADING]
+        cos, sin = math.cos(row[state.HEADING]), math.sin(row[state.HEADING])
+        east, north = row[state.GOAL_X] - row[state.X], row[state.GOAL_Y] - row[state.Y]
+        bearing = math.atan2(north, east) - row[state.HEADING]
         numbers[0] = math.sqrt(east * east + north * north) / VIEW
         numbers[1], numbers[2] = math.sin(bearing), math.cos(bearing)
-        numbers[3], numbers[4] = row[SPEED] / max_speed, row[YAW_RATE] / max_turn
+        numbers[3], numbers[4] = row[state.SPEED] / max_speed, row[state.YAW_RATE] / max_turn
         numbers[OWN_NUMBERS:] = ZERO
-        count = min(places, int(row[SHIP_COUNT]))
+        count = min(places, int(row[state.SHIP_COUNT]))
         for k in range(count):
-            ship = OWN_SIZE + SHIP_SIZE * k
-            away_x, away_y = row[ship + SHIP_X] - row[X], row[ship + SHIP_Y] - row[Y]
+            ship = state.OWN_SIZE + state.SHIP_SIZE * k
+            away_x, away_y = row[ship + state.SHIP_X] - row[state.X], row[ship + state.SHIP_Y] - row[state.Y]
             distance2[k] = away_x * away_x + away_y * away_y
         for k in range(count):
             nearer = 0
@@ -88,7 +71,7 @@ def observe(states: Array, max_speed: float, max_turn: float, seen: Array) -> No
             if nearer < shown:
                 first = OWN_NUMBERS + SHIP_NUMBERS * nearer
                 place = numbers[first : first + SHIP_NUMBERS]
-                observe_ship(row, OWN_SIZE + SHIP_SIZE * k, cos, sin, max_speed, place)
+                observe_ship(row, state.OWN_SIZE + state.SHIP_SIZE * k, cos, sin, max_speed, place)
 
 
 class CompiledVector:
@@ -101,8 +84,8 @@ class CompiledVector:
         self.size = OWN_NUMBERS + SHIP_NUMBERS * reference.ships
         self._largest = np.float32(reference.max_speed), np.float32(reference.max_turn)
 
-    def __call__(self, state: Array) -> Array:
+    def __call__(self, states: Array) -> Array:
         """Observe states float32 [N, S]; return float32 [N, F]."""
-        seen = np.empty((len(state), self.size), np.float32)
-        observe(state, *self._largest, seen)
+        seen = np.empty((len(states), self.size), np.float32)
+        observe(states, *self._largest, seen)
         return seen

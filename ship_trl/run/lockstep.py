@@ -68,7 +68,7 @@ def make_lockstep(
         frozen,
         begin,
         make_step(world, device),
-        VectorObservation.of(network, world)
+        VectorObservation(world, network.ships)
         if network.linear
         else make_rasteriser(world, vector_time=network.vector_time, device=device),
         config.learn,

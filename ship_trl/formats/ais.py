@@ -59,7 +59,7 @@ class Fixes(NamedTuple):
     course: NDArray[np.float32]
 
 
-KINDS = (np.int32, np.int64, np.float64, np.float64, np.float32, np.float32)
+KINDS: tuple[Any, ...] = (np.int32, np.int64, np.float64, np.float64, np.float32, np.float32)
 
 
 def read_table(path: Path) -> Fixes:

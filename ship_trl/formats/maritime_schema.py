@@ -24,12 +24,10 @@ SCHEMA_VERSION = "0.2.0"
 
 def at(*paths: str) -> Any:
     """Return where a value stands in a file: the first of these paths of keys that is there."""
-    parts = (path.split(".") for path in paths)
-    return Field(
-        validation_alias=AliasChoices(
-            *(AliasPath(*(int(part) if part.isdigit() else part for part in one)) for one in parts)
-        )
-    )
+    parts: list[list[Any]] = [
+        [int(one) if one.isdigit() else one for one in path.split(".")] for path in paths
+    ]
+    return Field(validation_alias=AliasChoices(*(AliasPath(*one) for one in parts)))
 
 
 Latitude = Annotated[float, Field(ge=-MAX_LATITUDE, le=MAX_LATITUDE)]
@@ -104,7 +102,8 @@ def read_ship(ship: ShipFile, plane: Plane, where: str) -> tuple[Ship, list[tupl
 
     Its course is `initial.cog`, else the way to its second waypoint, else its heading.
     """
-    points = (plane.to_metres(point.lat, point.lon) for point in (ship, *ship.waypoints))
+    degrees = [(ship.lat, ship.lon), *((point.lat, point.lon) for point in ship.waypoints)]
+    points = (plane.to_metres(*point) for point in degrees)
     (x, y), *places = ((float(east), float(north)) for east, north in points)
     course = ship.cog
     if len(places) > 1:

@@ -49,7 +49,8 @@ GOAL_AHEAD = 600.0
 # Metres around own ship in which other ships of AIS traffic belong to an encounter: the network's view.
 WINDOW = 640.0
 # An encounter as the scores of the rules count it: safe distances of DCPA, seconds of TCPA, safe distances.
-ONSET, ONSET_TIME, CLEAR, USUAL_KNOTS = 4 / 3, 30.0, 2.0, 12.0
+# Below `SOONEST` seconds of TCPA, 4 minutes at 12 knots, a track that begins leaves no time to act.
+ONSET, ONSET_TIME, SOONEST, CLEAR, USUAL_KNOTS = 4 / 3, 30.0, 8.0, 2.0, 12.0
 # A faster target ship is told: networks were trained with up to 1.5.
 MAX_RATIO = 2.5
 SUFFIXES = (".json", ".yaml", ".yml", ".csv", ".zip", ".zst", ".nmea", ".txt", ".log")
@@ -254,12 +255,16 @@ def read_traffic(
     time, way = length / (USUAL_KNOTS * KNOT / straight), straight * world.dt * world.max_steps
     safe = length * world.safe_distance
     # Where the scores of the rules take an encounter to begin and to end.
-    limits = tracks.Limits(safe * ONSET, time * ONSET_TIME, safe * CLEAR, length * WINDOW, way * length)
+    limits = tracks.Limits(
+        safe * ONSET, time * ONSET_TIME, safe * CLEAR, length * WINDOW, way * length, time * SOONEST
+    )
     found = tracks.find_encounters(fixes, limits, reading.own, reading.ships)
     report.counts["pair"] += found.pairs
     report.counts["encounter"] += found.encounters
     if found.slow:
         report.counts["whose own ship makes less than 3 knots"] += found.slow
+    if found.late:
+        report.counts[f"seen less than {time * SOONEST / 60:.0f} minutes before CPA"] += found.late
     if found.turned:
         report.notes[f"{found.turned} of {found.ships} target ships turned more than 10 degrees"].append(
             str(file)

@@ -39,7 +39,8 @@ MANOEUVRE = 10.0
 class Limits(NamedTuple):
     """When an encounter begins and ends: metres, seconds; see `ship_trl.sim.encounter.Encounters`.
 
-    Tracks are kept for the time in which own ship goes `way` metres: that of an episode.
+    Tracks are kept for the time in which own ship goes `way` metres: that of an episode. An encounter that is
+    first seen with a TCPA below `soonest` is left out: where a track begins there, nobody could act in time.
     """
 
     dcpa: float
@@ -47,6 +48,7 @@ class Limits(NamedTuple):
     clear: float
     window: float
     way: float = 6 * NAUTICAL_MILE
+    soonest: float = 0.0
 
 
 class Samples(NamedTuple):
@@ -68,8 +70,9 @@ class Found:
     situations: list[Situation]
     pairs: int = 0
     encounters: int = 0
-    # Own ships that make less than 3 knots, whose encounters are left out.
+    # Own ships that make less than 3 knots, and encounters that are seen too late: both are left out.
     slow: int = 0
+    late: int = 0
     # Target ships, and those that turned more than 10 degrees.
     ships: int = 0
     turned: int = 0
@@ -145,6 +148,9 @@ def find_encounters(fixes: Fixes, limits: Limits, own: OwnShip, most_targets: in
             if (pair := int(pairs[k])) not in under_way:
                 under_way[pair] = now
                 found.encounters += 1
+                if tcpa[k] < limits.soonest:
+                    found.late += 1
+                    continue
                 for mine, other in roles(samples, int(one[k]), int(two[k]), own):
                     if speeds(samples, mine) < LEAST_SPEED:
                         found.slow += 1

@@ -131,11 +131,20 @@ def test_a_recorded_scene_is_the_same_alone_and_in_a_folder(tmp_path: Path) -> N
     assert len({case.fingerprint for case in folder.cases}) == len(folder.cases) > 1
 
 
-def test_an_encounter_of_a_slow_own_ship_is_told(tmp_path: Path) -> None:
-    tracks = (*CROSSING, *(track._replace(y=track.y - 30_000) for track in SLOW_CROSSING))
+def test_an_encounter_of_a_slow_own_ship_and_one_seen_late_are_told(tmp_path: Path) -> None:
+    late = CROSSING[0], CROSSING[1]._replace(x=741, y=741)
+    away = [
+        track._replace(y=track.y - metres)
+        for metres, tracks in ((30_000, SLOW_CROSSING), (60_000, late))
+        for track in tracks
+    ]
+    tracks = (*CROSSING, *away)
     report = read_cases(str(write(tmp_path / "day.csv", make(tracks), "danish")), WORLD)
     line, _, _ = report.lines(WORLD)[-1].partition(";")
-    assert line == "2 pairs, 2 encounters, 1 whose own ship makes less than 3 knots, 1 scene, 0 refused"
+    assert line == (
+        "3 pairs, 3 encounters, 1 whose own ship makes less than 3 knots, "
+        "1 seen less than 4 minutes before CPA, 1 scene, 0 refused"
+    )
 
 
 def test_recorded_ships_are_not_perturbed(tmp_path: Path) -> None:

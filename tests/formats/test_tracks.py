@@ -98,6 +98,15 @@ def test_an_encounter_of_a_slow_own_ship_is_counted_and_left_out() -> None:
     assert (found.encounters, found.slow, found.situations) == (1, 1, [])
 
 
+def test_an_encounter_that_a_track_begins_too_late_is_counted_and_left_out() -> None:
+    late = make((CROSSING[0], Track(741, 741, 270, 12)))
+    limits = LIMITS._replace(soonest=240.0)
+    for rows, encounters in ((late, (1, 1, 0)), (make(CROSSING), (1, 0, 1))):
+        found = find_encounters(read_frame(danish(rows)), limits, OwnShip.gives_way, 3)
+        assert (found.encounters, found.late, len(found.situations)) == encounters
+    assert len(find(late).situations) == 1
+
+
 def test_no_place_is_made_up_across_a_gap() -> None:
     rows = make(CROSSING, minutes=20)
     gap = (rows.time > START + 120) & (rows.time < START + 120 + 400)

@@ -217,7 +217,7 @@ class Recorder(BaseCallback):
 
 def greedy_policy(model: BaseAlgorithm) -> Policy:
     """Return a model's greedy policy, which reads `state` [N, S] and writes `action` int64 [N]."""
-    observe = VectorObservation(load_world(), load_network("vector").ships)
+    observe = VectorObservation.of(load_network("vector"), load_world())
 
     def act(step: TensorDictBase) -> TensorDictBase:
         action, _ = model.predict(observe(step["state"]).numpy(), deterministic=True)

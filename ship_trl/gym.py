@@ -132,7 +132,7 @@ class ShipCollisionVectorEnv(gymnasium.vector.VectorEnv[Observations, NDArray[np
         self._shape = (scene.SIZE, scene.SIZE, rasteriser.channels)
         self.single_observation_space: spaces.Box = spaces.Box(0, 255, self._shape, np.uint8)
         if kind is Observation.vector:
-            self._encode = CompiledVector(VectorObservation(self.world, load_network("vector").ships))
+            self._encode = CompiledVector(VectorObservation.of(load_network("vector"), self.world))
             shape = (self._encode.size,)
             self.single_observation_space = spaces.Box(-np.inf, np.inf, shape, np.float32)
         self.single_action_space = spaces.Discrete(len(self.world.actions))

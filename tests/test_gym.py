@@ -349,7 +349,7 @@ def test_encounters_of_other_tools_are_cases_and_their_keys_count(tmp_path: Path
     assert isinstance(ship, RecordedShip)
     for env in (ShipCollisionEnv(case, config=config), gymnasium.make(ENV_ID, case=case, config=config)):
         env.reset(seed=0)
-        *_, info = env.step(3)
+        *_, info = env.step(np.int64(3))
         np.testing.assert_allclose(info["state"][OWN_SIZE : OWN_SIZE + 2], ship.path[0], atol=1e-3)
     batch = make_env(case, num_envs=2, config=config)
     state = batch.rollout(1)["next", "state"][:, 0]

@@ -58,6 +58,11 @@ class Fixes(NamedTuple):
     speed: NDArray[np.float32]
     course: NDArray[np.float32]
 
+    def at(self, rows: NDArray[np.uint32] | slice) -> Fixes:
+        """Return some rows."""
+        ship, time, latitude, longitude, speed, course = self
+        return Fixes(ship[rows], time[rows], latitude[rows], longitude[rows], speed[rows], course[rows])
+
 
 KINDS: tuple[Any, ...] = (np.int32, np.int64, np.float64, np.float64, np.float32, np.float32)
 

@@ -176,7 +176,7 @@ def instants(fixes: Fixes) -> Iterator[tuple[Samples, int, int]]:
     for hour in np.unique(time // PIECE) * PIECE:
         first, last = np.searchsorted(time, (hour - MAX_GAP, hour + PIECE + MAX_GAP))
         rows = np.sort(by_time[first:last])
-        samples = resample(Fixes(*(column[rows] for column in fixes)), INSTANT)
+        samples = resample(fixes.at(rows), INSTANT)
         for begin, end in pairwise(np.flatnonzero(np.diff(samples.instant, prepend=-1, append=-1)).tolist()):
             if hour <= samples.instant[begin] < hour + PIECE:
                 yield samples, begin, end
@@ -253,7 +253,7 @@ def ship_of(samples: Samples, row: int, plane: Plane, fixes: Fixes, seconds: int
     # One fix before, and two after: between them lie the first and the last instant.
     after = first + np.searchsorted(fixes.time[first:last], (begin, begin + seconds))
     few = slice(max(int(after[0]) - 1, first), min(int(after[1]) + 2, last))
-    track = resample(Fixes(*(column[few] for column in fixes)), INSTANT)
+    track = resample(fixes.at(few), INSTANT)
     steps = track.instant - begin
     unbroken = steps == np.arange(len(steps)) * INSTANT + steps[0]
     kept = (steps >= 0) & (steps <= seconds) & unbroken

@@ -95,8 +95,8 @@ def find_suites(
     try:
         changes = read_as(Changes, read_changes(keys))
     except YAMLError as error:
-        names = ", ".join(word.partition("=")[0] for word in keys)
-        raise ConfigError(f"{names}: not readable: {' '.join(str(error).split())}") from None
+        given = ", ".join(word.partition("=")[0] for word in keys)
+        raise ConfigError(f"{given}: not readable: {' '.join(str(error).split())}") from None
     world = load_world(changes.world)
     # Without a default there may be no suite.
     names = [name for name in (targets or [default])[0].split(",") if name or default]

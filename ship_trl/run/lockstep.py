@@ -68,7 +68,7 @@ def make_lockstep(
         frozen,
         begin,
         make_step(world, device),
-        VectorObservation(world, network.ships)
+        VectorObservation.of(network, world)
         if network.linear
         else make_rasteriser(world, vector_time=network.vector_time, device=device),
         config.learn,

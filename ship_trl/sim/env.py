@@ -122,7 +122,7 @@ class ShipEnv(EnvBase):
     def observer(self, network: Network, colour: bool | None = None) -> Rasteriser | VectorObservation:
         """Return what maps states to a network's input; `colour` is by default that of `pixels`."""
         if network.linear:
-            return VectorObservation(self.world, network.ships)
+            return VectorObservation.of(network, self.world)
         own = self.rasteriser
         colour = own.channels == 3 if colour is None else colour
         if (colour, network.vector_time) == (own.channels == 3, own.vector_time):

@@ -6,7 +6,7 @@ import torch
 from torch import Tensor
 
 from ship_trl.config.bounds import SHIP_NUMBERS
-from ship_trl.config.types import World
+from ship_trl.config.types import Network, World
 from ship_trl.sim import scene
 from ship_trl.sim.encounter import own_velocity, ship_velocities
 from ship_trl.sim.geometry import unit_vector
@@ -60,6 +60,11 @@ class VectorObservation:
         self.max_speed = max(abs(speed) for speed, _ in world.actions)
         # Above zero in float32 too, where no action turns.
         self.max_turn = max(1e-6, *(abs(turn) for _, turn in world.actions))
+
+    @classmethod
+    def of(cls, network: Network, world: World) -> VectorObservation:
+        """Return the observation that a network with `linear` layers sees."""
+        return cls(world, network.ships)
 
     def __call__(self, state: Tensor) -> Tensor:
         """Observe states [..., S]; return float32 [..., F]."""

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from functools import partial
 
 import torch
 from hypothesis import assume, given
@@ -49,9 +50,9 @@ def test_numbers_are_those_of_torch(ships: int, empty: int, shown: int, seed: in
     assert found.shape == wanted.shape and found.dtype == wanted.dtype
     of_ships, wanted_of_ships = (seen[:, 5:].unflatten(-1, (shown, 10)) for seen in (found, wanted))
     approach, others = [7, 8], [0, 1, 2, 3, 4, 5, 6, 9]
-    near = {"rtol": 1e-6, "atol": 2e-6}
-    torch.testing.assert_close(found[:, :5], wanted[:, :5], **near)
-    torch.testing.assert_close(of_ships[..., others], wanted_of_ships[..., others], **near)
+    near = partial(torch.testing.assert_close, rtol=1e-6, atol=2e-6)
+    near(found[:, :5], wanted[:, :5])
+    near(of_ships[..., others], wanted_of_ships[..., others])
     # An error of velocity counts as often as the distance is larger than the way of a second.
     torch.testing.assert_close(of_ships[..., approach], wanted_of_ships[..., approach], rtol=0, atol=3e-4)
 

@@ -24,7 +24,6 @@ from ship_trl.study.metrics import LATER, THRESHOLDS
 from ship_trl.study.report import curves, gains, opening, tables
 from ship_trl.study.report.style import REPORT, WIDTH, save
 from ship_trl.study.study import Study, finished_study, pairs
-from ship_trl.study.tables import has_tables
 
 # Shares of the time that pass until runs are read, claims are judged and tables are written; then figures.
 READ, JUDGED, TABLES = 0.1, 0.2, 0.5
@@ -104,7 +103,7 @@ def write(study: Study, folder: Path, output: Path, missing: int, show: Show) ->
         reached=reached,
         outcomes=opening.OUTCOMES,
         facts=facts,
-        command=again(study, folder),
+        command=again(study),
         is_judged=study.claims.judge is not None,
         arms=arms,
         has_forgetting=any("forgetting" in row for row in arms),
@@ -132,11 +131,10 @@ def write(study: Study, folder: Path, output: Path, missing: int, show: Show) ->
     return [*judged.lines, *told, *([f"missing: {counted(missing, 'planned run')}"] if missing else [])]
 
 
-def again(study: Study, folder: Path) -> str:
-    """Return the command that runs the same study below outputs/; empty where the plan keeps no words."""
-    # Tables stay as they are: no study goes on among them.
-    name, words = folder.resolve().name + "_again" * has_tables(folder), study.plan.words
-    return command("study", "run", *words, f"output=outputs/{name}") if words else ""
+def again(study: Study) -> str:
+    """Return the command that runs the same study anew; empty where the plan keeps no words."""
+    words = study.plan.words
+    return command("study", "run", *words, "output=outputs/again") if words else ""
 
 
 # Names of figures. Files of an earlier report with these names are removed unless they are drawn again.

@@ -95,7 +95,7 @@ def test_a_study_of_ones_own_opens_with_its_question_and_no_claims(
     assert headline and f"{headline[1]}\n" in capsys.readouterr().out
     # Not all has run, and that stands at the top; what was run, and by which command, at the end.
     assert body.index("Missing: 2 planned runs") < body.index("Outcomes by arm")
-    again = f"python -m ship_trl study run &#39;pairs=[harbour]&#39; output=outputs/{tmp_path.name}</pre>"
+    again = "python -m ship_trl study run &#39;pairs=[harbour]&#39; output=outputs/again</pre>"
     assert again in body
     # In place of an empty figure.
     assert "No run&#39;s moving score has reached 0.65" in body.replace("'", "&#39;")

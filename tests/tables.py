@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import inspect
 import re
+from dataclasses import replace
 
 import numpy as np
 
@@ -70,9 +71,14 @@ def vector() -> Rows:
 
 
 def reward() -> Rows:
-    """Return the terms of the reward with their weights."""
-    rows: Rows = [("term", "weight", "times")]
-    return rows + [(name, f"{term.amount(WORLD.reward):+g}", FORMULAS[name]) for name, term in TERMS.items()]
+    """Return the terms of the reward with their weights, each a product of keys of `world.reward`."""
+    given = WORLD.reward
+    rows: Rows = [("term", "weight", "of `world.reward`", "times")]
+    for name, term in TERMS.items():
+        changed = {key: replace(given, **{key: value + 1}) for key, value in vars(given).items()}
+        keys = [f"`{key}`" for key, other in changed.items() if term.amount(other) != term.amount(given)]
+        rows.append((name, f"{term.amount(given):+g}", " * ".join(keys), FORMULAS[name]))
+    return rows
 
 
 def ends() -> Rows:

@@ -164,12 +164,12 @@ def _write_page(
 ) -> None:
     """Write square pictures in rows with captions below them, a header in one line, and lines of a footer."""
     side = cells[0][0].get_width()
+    width = 2 * MARGIN + columns * (side + GAP) - GAP
+    footer = [line for text in footer for line in _wrap(text, width - 2 * MARGIN, 13)]
     rows = [cells[k : k + columns] for k in range(0, len(cells), columns)]
     heights = [side + GAP + max(sum(map(_height, lines)) for _, lines in row) for row in rows]
     tops = list(accumulate(heights, initial=MARGIN + 34 * bool(header)))
-    page = pen.new_surface(
-        2 * MARGIN + columns * (side + GAP) - GAP, tops[-1] + len(footer) * 17 + MARGIN, BACKGROUND
-    )
+    page = pen.new_surface(width, tops[-1] + len(footer) * 17 + MARGIN, BACKGROUND)
     x = float(MARGIN)
     for text, size, colour in header:
         x = pen.write(page, text, (x, MARGIN + 11), colour, size, size > 15) + 20
@@ -192,6 +192,18 @@ def _width_at_sea(width: float, scales: Scales) -> str:
     """Write the width at sea if it is the same in all scenes."""
     found = {one and one.length for one in scales}
     return f"; width {scales[0].miles(width)} at sea" if len(found) == 1 and scales[0] else ""
+
+
+def _wrap(text: str, width: float, size: int) -> list[str]:
+    """Break a text after semicolons into lines of at most `width` pixels, if its parts are not wider."""
+    lines: list[str] = []
+    for part in text.split("; "):
+        longer = f"{lines[-1]}; {part}" if lines else part
+        if lines and pen.width_of(longer, size) <= width:
+            lines[-1] = longer
+        else:
+            lines.append(part)
+    return lines
 
 
 def _height(line: Line) -> int:

@@ -115,3 +115,10 @@ def test_a_page_of_failures_has_these_alone_with_their_closest_approach(
     pictures = (pages.draw_paths(failed[0], world, 268, 900.0, marks_closest=mark) for mark in (False, True))
     yellow = [(pen.to_array(picture) == YELLOW).all(-1).sum() for picture in pictures]
     assert yellow[0] == 0 and yellow[1] > 5
+
+
+def test_a_footer_breaks_after_semicolons_where_it_is_too_wide() -> None:
+    text = "north up; blue: goal; around own ship: safe distance"
+    assert pages._wrap(text, 10_000, 13) == [text]
+    lines = pages._wrap(text, pen.width_of("north up; blue: goal", 13), 13)
+    assert lines == ["north up; blue: goal", "around own ship: safe distance"]

@@ -158,7 +158,10 @@ def show_result(result: RunRecord, title: str, folder: Path, is_course_best: boo
     if TRANSFER in pictures:
         say(f"  beside learning from scratch: {folder / TRANSFER}")
     elif result.source is not None:
-        say("  no run from scratch of these settings to compare with; to train one: +arm=scratch")
+        say(
+            "  no run from scratch of these settings was there to compare with; +arm=scratch trains one, "
+            "the verb results compares them"
+        )
     say(f"  watch it: {command('watch', folder)}")
     if is_course_best:
         say(

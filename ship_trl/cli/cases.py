@@ -222,7 +222,8 @@ def show_expected(target: Case, given: list[str], sources: list[Case], world: Wo
     words = override("source", first), "source_weights=pretrained", *given
     gain = "{:+.2f} ({:+.2f} to {:+.2f})".format(*ZERO_SHOT_GAIN)
     sys.stdout.write(
-        f"By zero_shot, which predicted gains best in the study of sources (studies/sources): "
+        "By zero_shot, a network's score on the target before training there, which predicted gains best in "
+        "the study of sources (studies/sources): "
         f"{scores[first]:.2f}, the largest of {len(scores)} bundled networks. There such choices gained "
         f"{gain} in mean greedy score with {ZERO_SHOT_ARM}:\n"
         f"{command(*words, f'+arm={ZERO_SHOT_ARM}')}\n"

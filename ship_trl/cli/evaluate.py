@@ -243,7 +243,7 @@ class Scored:
 
     @cached_property
     def decision_time(self) -> float:
-        """The median time (ms) of a decision in the first of the scenes with most target ships."""
+        """The median time (ms) of a decision in the first of the scenes with most target ships, or NaN."""
         from ship_trl.policies.named import time_decision
         from ship_trl.sim.state import SHIP_COUNT
 
@@ -296,7 +296,8 @@ class Scored:
     def row(self, best: float | None) -> list[str]:
         """Return the cells of `SCORES`; `best` is the best known mean return."""
         cells = score_cells(self.measured, self.share(best))
-        return [self.suite_name, self.entry.label, *cells, f"{self.decision_time:.2g}", self.claimed]
+        decision = "-" if math.isnan(self.decision_time) else f"{self.decision_time:.2g}"
+        return [self.suite_name, self.entry.label, *cells, decision, self.claimed]
 
     def class_rows(self) -> Iterator[list[str]]:
         """Yield the same cells for each class of encounter."""
@@ -316,7 +317,7 @@ class Scored:
                 "encounter": self.measured.encounters[k],
                 **({} if scale is None else {"start_utc": scale.start}),
                 **{name: "" if math.isnan(value) else f"{value:.6g}" for name, value in values},
-                "decision_ms": f"{self.decision_time:.3g}",
+                "decision_ms": "" if math.isnan(self.decision_time) else f"{self.decision_time:.3g}",
             }
 
 

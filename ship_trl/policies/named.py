@@ -5,6 +5,7 @@ A policy reads the environment's tensordict (`state` and `pixels`) and writes `a
 
 from __future__ import annotations
 
+import math
 import statistics
 import time
 from functools import partial
@@ -136,8 +137,10 @@ def rollout_entry(
 def time_decision(entry: Entry, start: Tensor, seed: int = 0) -> float:
     """Return the median time (ms) in which the policy decides in one episode from a state [S].
 
-    A network's time includes drawing its pixels.
+    A network's time includes drawing its pixels. `recorded` decides nothing: NaN.
     """
+    if entry.policy == recorded.NAME:
+        return math.nan
     env, policy = make_policy(entry, start[None], seed)
     times: list[float] = []
 

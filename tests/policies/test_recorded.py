@@ -9,6 +9,7 @@ import pytest
 import torch
 
 from ship_trl import make_env
+from ship_trl.cli.evaluate import Scored
 from ship_trl.config.errors import ConfigError
 from ship_trl.policies.named import load_policy, rollout_entry
 from ship_trl.policies.registry import Entry
@@ -42,6 +43,14 @@ def test_own_ship_is_where_it_was() -> None:
         straight, turning = env.world.straight_action, episode.actions[3:8]
         assert bool((turning < straight if case.goal[0] > 0 else turning > straight).all())
         assert int(episode.actions.max()) < len(env.world.actions)
+
+
+def test_a_table_has_no_time_of_a_decision() -> None:
+    suite = Suite("s", (bent(1), bent(-1)))
+    entry = Entry("recorded", "recorded", suite, WORLD, colour=False)
+    scored = Scored(entry, rollout_entry(entry)[2], math.radians(5))
+    assert scored.row(None)[-2] == "-"
+    assert [row["decision_ms"] for row in scored.csv_rows()] == ["", ""]
 
 
 def test_a_case_without_a_track_is_refused() -> None:

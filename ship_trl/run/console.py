@@ -147,7 +147,7 @@ def show_result(result: RunRecord, title: str, folder: Path, is_course_best: boo
     show(HEADINGS, rows, title=title)
     if source is not None:
         case = describe(str(result.source))
-        say(f"Forgetting on {case}: {source.network:.1f} before, {source.final:.1f} after")
+        say(f"Forgetting on {case}: greedy return {source.network:.1f} before, {source.final:.1f} after")
     say(
         f"{counted(result.episodes, 'episode')}, {counted(result.steps, 'step')}, {result.seconds:.0f} s; "
         f"goal in {result.training_goal_rate:.0%} of the training episodes, "

@@ -129,7 +129,8 @@ def test_what_is_learned_has_the_same_bits_without_it(
     words = *LINE, f"observation={observation}", *("source=pretrained",) * (observation == "pixels")
     run, other = (planned(*words, f"output={name}") for name in ("one", "other"))
     result = run_experiment(run)
-    told = re.search(r"^Forgetting on case 1: (\S+) before, (\S+) after$", capsys.readouterr().out, re.M)
+    line = r"^Forgetting on case 1: greedy return (\S+) before, (\S+) after$"
+    told = re.search(line, capsys.readouterr().out, re.M)
     assert told is not None and result.on_source is not None
     assert told.groups() == (f"{result.on_source.network:.1f}", f"{result.on_source.final:.1f}")
     run_experiment(dataclasses.replace(other, source_suite=None))

@@ -246,10 +246,18 @@ def situations_of(file: Path, world: World, reading: Situations, report: Report)
 def read_traffic(
     file: Path, head: bytes, world: World, reading: Situations, report: Report
 ) -> Iterator[Situation]:
-    """Yield the encounters of a table of AIS positions, or of NMEA sentences."""
+    """Yield the encounters of a table of AIS positions, or of NMEA sentences.
+
+    Raises:
+        ValueError: it has no position of a ship, or courses contradict positions.
+    """
     from ship_trl.formats import ais, tracks
 
     fixes = ais.read_nmea(file) if re.search(rb"[!$]..VD[MO],", head) else ais.read_table(file)
+    if not len(fixes.ship):
+        raise ValueError("has no row with a ship's MMSI (2 to 7 first, nine digits), a time and a position")
+    if not tracks.follow_courses(fixes):
+        raise ValueError("most courses contradict the positions; are latitude and longitude swapped?")
     length = reading.safe * NAUTICAL_MILE / world.safe_distance
     straight = world.actions[world.straight_action][0]
     time, way = length / (USUAL_KNOTS * KNOT / straight), straight * world.dt * world.max_steps

@@ -34,6 +34,8 @@ NEAR, MAX_SPEED, LEAST_SPEED = 6 * NAUTICAL_MILE, 60 * KNOT, 3 * KNOT
 EARTH = 6_371_000.0
 # Degrees: a ship that turns more manoeuvres.
 MANOEUVRE = 10.0
+# Degrees, and fixes of which courses are compared with the ways to the next fixes.
+OFF_COURSE, MAX_COMPARED = 45.0, 1_000_000
 
 
 class Limits(NamedTuple):
@@ -110,6 +112,20 @@ def resample(fixes: Fixes, step: int) -> Samples:
     rate = slope * (1 - t) * (1 - 3 * t) + way * 6 * t * (1 - t) - next_slope * t * (2 - 3 * t)
     order, place = np.lexsort((ship[k], instant)), degrees[k] + cubic / metres[k]
     return Samples(instant[order], ship[k][order], place[order], (rate / length)[order])
+
+
+def follow_courses(fixes: Fixes) -> bool:
+    """Return whether most ways from fix to fix lie within 45 degrees of the course that the first one tells.
+
+    Where latitudes and longitudes are exchanged they do not, as ways are mirrored. Slow ships do not count.
+    """
+    ship, time, latitude, longitude, speed, course = (column[:MAX_COMPARED] for column in fixes)
+    east, north = metres_per_degree(latitude[:-1])
+    x, y, seconds = east * np.diff(longitude), north * np.diff(latitude), np.diff(time)
+    compared = (np.diff(ship) == 0) & (seconds <= MAX_GAP) & np.isfinite(course[:-1])
+    compared &= (speed[:-1] >= LEAST_SPEED) & (np.hypot(x, y) >= LEAST_SPEED * seconds)
+    off = np.abs((np.degrees(np.arctan2(x, y)) - course[:-1] + 180.0) % 360.0 - 180.0)[compared]
+    return bool(np.mean(off > OFF_COURSE) <= 0.5) if off.size else True
 
 
 def find_encounters(fixes: Fixes, limits: Limits, own: OwnShip, most_targets: int) -> Found:

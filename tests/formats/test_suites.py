@@ -18,7 +18,7 @@ from ship_trl.sim import cases
 from ship_trl.sim.cases import RecordedShip, load_world, to_heading
 from tests.command import ship_trl
 from tests.formats.test_maritime_schema import path, ship, situation
-from tests.formats.traffic import CROSSING, HEAD_ON, SLOW_CROSSING, make, write
+from tests.formats.traffic import CROSSING, HEAD_ON, SLOW_CROSSING, danish, make, write
 
 WORLD = load_world()
 LENGTH = 0.3 * NAUTICAL_MILE / 45
@@ -120,6 +120,17 @@ def test_a_table_of_positions_is_a_suite_with_recorded_tracks(tmp_path: Path) ->
     (replayed,) = load_suite(name, WORLD, reading=Situations(targets=Targets.replay)).case.target_ships
     assert isinstance(replayed, RecordedShip) and len(replayed.path) == 39
     assert replayed.number == 0
+
+
+def test_exchanged_columns_and_no_positions_are_refused(tmp_path: Path) -> None:
+    rows = make(CROSSING)
+    swapped = danish(rows).rename(columns={"Latitude": "Longitude", "Longitude": "Latitude"})
+    swapped.to_csv(tmp_path / "swapped.csv", index=False)
+    with pytest.raises(ConfigError, match=r"swapped\.csv: .* are latitude and longitude swapped\?"):
+        read_cases(str(tmp_path / "swapped.csv"), WORLD)
+    danish(rows).assign(MMSI=1).to_csv(tmp_path / "buoys.csv", index=False)
+    with pytest.raises(ConfigError, match=r"buoys\.csv: has no row with a ship's MMSI"):
+        read_cases(str(tmp_path / "buoys.csv"), WORLD)
 
 
 def test_a_recorded_scene_is_the_same_alone_and_in_a_folder(tmp_path: Path) -> None:

@@ -7,6 +7,8 @@ outside what a message can hold, becomes missing (NaN) here and nowhere later. R
 from __future__ import annotations
 
 import io
+import math
+import re
 import zipfile  # noqa: TID251 (one file is opened, nothing is extracted)
 from array import array
 from collections.abc import Iterable, Iterator, Sequence
@@ -37,10 +39,14 @@ CLASSES = ("transceiverclass", "transceiver", "type of mobile")
 SHIPS = ("a", "b", "class a", "class b")
 # Bytes that are read at once, and bytes of a line.
 PIECE, MAX_LINE = 1 << 24, 1 << 16
+# Bytes of a zst file that are unpacked at once: at most 64 MB, as 4 bytes can stand for 128 kB.
+PACKED = 1 << 11
 # The year 5138. A larger number of a tag block is a time in milliseconds.
 MAX_SECONDS = 10**11
 # Knots. Above, a message means "not available" (102.3), or "102.2 or more".
 MAX_SPEED = 50.0
+# Bits of position reports by their type, up to the end of the course.
+LEAST_BITS = {1: 128, 2: 128, 3: 128, 18: 124, 19: 124, 27: 94}
 ZIP, ZSTD = b"PK\x03\x04", b"\x28\xb5\x2f\xfd"
 
 
@@ -98,11 +104,44 @@ def unpacked(file: IO[bytes], head: bytes) -> IO[bytes]:
             raise ValueError(f"holds {len(names)} files; allowed: one table")
         return archive.open(names[0])
     if head == ZSTD:
-        import zstandard
-
-        reader: Any = zstandard.ZstdDecompressor().stream_reader(file, read_across_frames=True)
-        return io.BufferedReader(reader)
+        return io.BufferedReader(Frames(file))
     return file
+
+
+class Frames(io.RawIOBase):
+    """What the frames of a zst file hold; `zstandard.stream_reader` does not say that a file is cut off."""
+
+    def __init__(self, file: IO[bytes]) -> None:
+        from zstandard import ZstdDecompressor
+
+        self._file, self._unpacker = file, ZstdDecompressor()
+        self._frame: Any = None
+        self._packed = self._found = b""
+
+    def readable(self) -> bool:
+        """Return whether the file can be read: always."""
+        return True
+
+    def readinto(self, buffer: Any) -> int:
+        """Fill a buffer; return how many bytes were written, 0 at the end.
+
+        Raises:
+            EOFError: the last frame has no end.
+        """
+        while not self._found:
+            packed = self._packed or self._file.read(PACKED)
+            if not packed:
+                if self._frame is not None:
+                    raise EOFError("is cut off; wanted: the whole file")
+                return 0
+            self._frame = self._frame or self._unpacker.decompressobj()
+            self._found, self._packed = self._frame.decompress(packed), b""
+            if self._frame.eof:
+                self._packed, self._frame = self._frame.unused_data, None
+        part = self._found[: len(buffer)]
+        buffer[: len(part)] = part
+        self._found = self._found[len(part) :]
+        return len(part)
 
 
 def whole_lines(file: IO[bytes], path: Path) -> Iterator[tuple[int, bytes]]:
@@ -138,6 +177,10 @@ def table_parts(file: IO[bytes], path: Path) -> Iterator[Fixes]:
             kinds = find_columns(names, str(path))
         if not rows.strip():
             continue
+        if b'"' in rows:
+            # A quote without a second one in its line, as in a ship's name, would hide the lines that follow.
+            lines = rows.split(b"\n")
+            rows = b"\n".join(one.replace(b'"', b"") if one.count(b'"') % 2 else one for one in lines)
         table = pandas.read_csv(
             io.BytesIO(rows),
             sep=delimiter,
@@ -308,7 +351,11 @@ def read_nmea(path: Path) -> Fixes:
             if (tags := message.tag_block) is not None:
                 tags.init()
             # A tag block with a wrong checksum, or a word for a time, tells no time.
-            if tags is None or not tags.is_valid or not str(tags.receiver_timestamp).isdecimal():
+            if (
+                tags is None
+                or not tags.is_valid
+                or not re.fullmatch(r"\d{1,15}", str(tags.receiver_timestamp))
+            ):
                 untimed += 1
                 continue
             time = int(tags.receiver_timestamp)
@@ -330,7 +377,8 @@ def decoded(message: Any, time: int) -> tuple[float, ...]:
         report = message.decode()
     except pyais.exceptions.AISBaseException:
         return ()
-    if report.msg_type not in (1, 2, 3, 18, 19, 27):
+    # Of a sentence that was cut off, pyais reads the bits that are left as a number.
+    if 6 * len(message.payload) < LEAST_BITS.get(report.msg_type, math.inf):
         return ()
     sog, cog = float(report.speed), float(report.course)
     if report.msg_type == 27:

@@ -74,7 +74,7 @@ class Report:
         """Count what cannot be read, with the reason in one line that begins with `where`."""
         try:
             yield
-        except (ValueError, OverflowError, ConfigError, OSError, YAMLError) as error:
+        except (ValueError, OverflowError, RecursionError, ConfigError, OSError, YAMLError) as error:
             text = " ".join(str(error).split())
             self.refused.append(text if text.startswith(where) else f"{where}: {text}")
 

@@ -5,6 +5,8 @@ from __future__ import annotations
 import io
 import tempfile
 import zipfile
+from functools import reduce
+from operator import xor
 from pathlib import Path
 
 import numpy as np
@@ -59,6 +61,35 @@ def test_zstandard_is_read(tmp_path: Path) -> None:
     plain = write(tmp_path / "a.csv", ROWS, "marinecadastre_new")
     (tmp_path / "b.csv.zst").write_bytes(zstandard.ZstdCompressor().compress(plain.read_bytes()))
     same(read_table(tmp_path / "b.csv.zst"), read_table(plain))
+
+
+@pytest.mark.parametrize("missing", [0, 1, 60])
+def test_frames_are_read_to_their_ends_and_a_cut_one_is_refused(missing: int, tmp_path: Path) -> None:
+    zstandard = pytest.importorskip("zstandard", reason="zstandard is not installed")
+    plain = write(tmp_path / "a.csv", ROWS, "marinecadastre_new")
+    text = plain.read_bytes()
+    packed = b"".join(zstandard.ZstdCompressor().compress(part) for part in (text[:999], text[999:]))
+    path = tmp_path / "b.csv.zst"
+    # Between frames others may stand that readers skip.
+    path.write_bytes(packed[: len(packed) - missing] + b"\x50\x2a\x4d\x18\x02\0\0\0ab" * (not missing))
+    if not missing:
+        same(read_table(path), read_table(plain))
+        return
+    with pytest.raises(ConfigError, match=r"b\.csv\.zst: is cut off; wanted: the whole file"):
+        read_table(path)
+
+
+@pytest.mark.parametrize("piece", [200, 1 << 24])
+def test_a_quote_without_a_second_one_hides_no_rows(
+    piece: int, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    path = write(tmp_path / "a.csv", ROWS.assign(cog=ROWS.cog.round(1)), "marinecadastre_new")
+    whole, lines = read_table(path), path.read_text().splitlines()
+    for row, name in ((5, '"A'), (9, 'A"'), (12, '"A, B"'), (20, '"')):
+        lines[row] = lines[row].replace(",A,0", f",{name},0")
+    path.write_text("\n".join(lines))
+    monkeypatch.setattr(ais, "PIECE", piece)
+    same(read_table(path), whole)
 
 
 @given(st.permutations(range(len(ROWS))), st.sampled_from(sorted(TABLES)))
@@ -244,10 +275,11 @@ def nmea(rows: pandas.DataFrame, message: int) -> list[str]:
 
 def tagged(sentence: str, seconds: int) -> str:
     block = f"c:{seconds}"
-    check = 0
-    for letter in block:
-        check ^= ord(letter)
-    return f"\\{block}*{check:02X}\\{sentence}"
+    return f"\\{block}*{checksum(block)}\\{sentence}"
+
+
+def checksum(text: str) -> str:
+    return f"{reduce(xor, text.encode()):02X}"
 
 
 @pytest.mark.parametrize("message", [1, 2, 3, 18, 19, 27])
@@ -289,6 +321,16 @@ def test_a_sentence_without_an_end_is_refused(tmp_path: Path) -> None:
     (tmp_path / "a.nmea").write_text("\n".join([*nmea(ROWS.iloc[:3], 1), "a" * 10 * MAX_LINE]))
     with pytest.raises(ConfigError, match=f"line 4: is too long; allowed: {MAX_LINE} bytes"):
         read_nmea(tmp_path / "a.nmea")
+
+
+def test_short_sentences_and_long_times_tell_nothing(tmp_path: Path) -> None:
+    whole = nmea(ROWS.iloc[:1], 1)[0]
+    payload = whole.split(",")[5]
+    short = [f"!AIVDM,1,1,,A,{payload[:end]},0" for end in (7, 12, 17, 20, 21)]
+    checked = [f"{line}*{checksum(line[1:])}" for line in short]
+    long = tagged(whole.rpartition("\\")[2], 10**400)
+    (tmp_path / "a.nmea").write_text("\n".join([*(tagged(line, START + 1) for line in checked), long, whole]))
+    assert read_nmea(tmp_path / "a.nmea").time.tolist() == [START]
 
 
 def test_sentences_without_a_time_are_refused(tmp_path: Path) -> None:

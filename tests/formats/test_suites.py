@@ -77,9 +77,10 @@ def test_scenes_of_one_name_are_numbered_and_a_broken_file_is_counted(tmp_path: 
     for number, name in enumerate(("a b.json", "a_b.json", "a-b.json")):
         save(folder / name, situation(OWN, ship(56.05 + number / 100, 11, sog=6, cog=180)))
     (folder / "deep.yaml").write_text(f"ship_list: {'[' * 3000}")
+    (folder / "deep.json").write_text(f'{{"ownShip": {"[" * 700}{"]" * 700}}}')
     report = read_cases(str(folder), WORLD)
     assert [case.name for case in report.cases] == ["a_b", "a-b", "a_b-2"]
-    assert len(report.refused) == 1 and "nested too deeply" in report.refused[0]
+    assert len(report.refused) == 2 and "nested too deeply" in report.refused[1]
     assert load_suite(f"{folder}/../v1.2/", WORLD).name == "v1.2"
 
 

@@ -120,5 +120,7 @@ def facts_of(study: Study) -> dict[str, str]:
     }
     for key, counts in study.computed().items():
         facts[key] = ", ".join(f"{value} ({count})" for value, count in counts.items())
-    facts |= {key: str(value) for key, value in flatten(study.plan.settings)}
+    # A plan names what is not the paper's.
+    settings = {"network": "paper", "algorithm": "double_dqn"} | study.plan.settings
+    facts |= {key: str(value) for key, value in flatten(settings)}
     return {key: value for key, value in facts.items() if value}

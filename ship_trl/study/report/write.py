@@ -21,7 +21,7 @@ from ship_trl.run.console import Show, show_share
 from ship_trl.study.claims import NO_CLAIMS, Verdicts, load_claims
 from ship_trl.study.manifest import describe_rules, load_plan
 from ship_trl.study.metrics import LATER, THRESHOLDS
-from ship_trl.study.report import curves, gains, opening, tables
+from ship_trl.study.report import curves, encounters, gains, opening, tables
 from ship_trl.study.report.style import REPORT, WIDTH, save
 from ship_trl.study.study import Study, finished_study, pairs
 
@@ -138,7 +138,7 @@ def again(study: Study) -> str:
 
 
 # Names of figures. Files of an earlier report with these names are removed unless they are drawn again.
-NAMES = ("effects", "pair_*", "reuse", "differences", "times", "gains*", "layers", "forest_*")
+NAMES = ("cases", "effects", "pair_*", "reuse", "differences", "times", "gains*", "layers", "forest_*")
 
 
 def drawings(study: Study) -> dict[str, tuple[str, Callable[[], Figure | None]]]:
@@ -152,6 +152,7 @@ def drawings(study: Study) -> dict[str, tuple[str, Callable[[], Figure | None]]]
     is_small = (
         bool(sections) and not study.claims.judge and all(curves.few_arms(study, pair) for pair in sections)
     )
+    cases = {"cases": ("The encounters", lambda: encounters.draw_cases(study))}
     effects = {"effects": ("Greedy return above scratch", lambda: gains.draw_effects(study))}
     maps = {
         "gains": ("Gains of transfer, by source and target", lambda: gains.draw_gains(scored, "area")),
@@ -162,6 +163,7 @@ def drawings(study: Study) -> dict[str, tuple[str, Callable[[], Figure | None]]]
         "gains_forest": ("Gains of the pairs in greedy returns", lambda: gains.draw_forest(scored)),
     }
     return {
+        **({} if study.claims.judge else cases),
         **(effects if is_small else {}),
         **{
             f"pair_{pair}": (curves.pair_title(study, pair), partial(curves.draw_returns, study, shown))

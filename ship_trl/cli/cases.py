@@ -60,7 +60,7 @@ def main(arguments: list[str] | None = None) -> None:
     add_output(parser, "--picture", (".png",), picture)
     options = parser.parse_args(arguments)
     with refusals():
-        names, suites, world, *_ = find_suites(options.words, ("situations",), DEFAULT)
+        names, suites, world = find_suites(options.words, DEFAULT)
         every = {case.name: case for suite in suites for case in suite.cases}
         cases = dict(islice(every.items(), MAX_PICTURES))
         name, note = f"cases_{'-'.join(suite.name for suite in suites)}", ""

@@ -29,7 +29,7 @@ def main(arguments: list[str] | None = None) -> None:
     add_size(parser, None, "of the window; default: as large as the screen allows")
     options = parser.parse_args(arguments)
     with refusals():
-        _, suites, world, *_ = find_suites(options.words, ("situations",), DEFAULT)
+        _, suites, world = find_suites(options.words, DEFAULT)
         entries = split_suites(Entry("play", "play", suite, world, False) for suite in suites)
         cases = [case for entry in entries for case in entry.suite.cases]
 

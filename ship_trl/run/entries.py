@@ -11,18 +11,18 @@ from __future__ import annotations
 import re
 from collections import Counter
 from collections.abc import Sequence
-from dataclasses import replace
+from dataclasses import dataclass, field, replace
 from pathlib import Path
-from typing import NamedTuple
+from typing import Any
 
 from yaml import YAMLError
 
 from ship_trl.config.errors import ConfigError, print_error
 from ship_trl.config.schema import read_as
-from ship_trl.config.types import Changes, Perturbation, World
+from ship_trl.config.types import Changes, Perturbation, Situations, World, plain
 from ship_trl.files.record import RESULT
 from ship_trl.files.untrusted import read_changes
-from ship_trl.formats.suites import DEFAULT, load_suite
+from ship_trl.formats.suites import load_suite
 from ship_trl.policies.pretrained import PRETRAINED, Pretrained, find, is_pretrained, networks
 from ship_trl.policies.registry import Entry, kind_of
 from ship_trl.run.plan import read_settings
@@ -39,21 +39,20 @@ def find_entries(words: list[str], colour: bool) -> list[Entry]:
     """
     # A path may contain an equals sign, for example seed=0.
     names = [w for w in words if not re.match(r"[\w.]+=", w) or Path(w.rpartition(":")[0] or w).exists()]
-    given = find_suites([word for word in words if word not in names])
-    targets, world, changes = given.suites, given.world, given.changes
+    given = find_targets([word for word in words if word not in names])
     if not names:
         raise ConfigError("policy: none given; for example pretrained:traffic; --help lists all")
     folders = [name for name in names if not is_pretrained(name) and Path(name).is_dir()]
-    trained = {name: folder_entries(Path(name), targets, changes) for name in folders}
-    if trained and changes.world:
+    if folders and given.changes.world:
         raise ConfigError("world: a result folder has its own; allowed with other policies: world.KEY")
+    trained = {name: folder_entries(Path(name), given) for name in folders}
     # Runs of two folders may have the same name.
     labels = Counter(label for runs in trained.values() for label in {one.label for one in runs})
-    world = next(iter(trained.values()))[0].world if trained else world
-    entries: list[Entry] = []
+    world = next(iter(trained.values()))[0].world if trained else given.world
+    targets, entries = given.suites(world), list[Entry]()
     for name in names:
         if is_pretrained(name):
-            entries += bundled_entries(name, targets, world, changes.perturbation)
+            entries += bundled_entries(name, targets, world, given.changes.perturbation)
         elif name in trained:
             entries += [
                 replace(one, label=f"{name}: {one.label}") if labels[one.label] > 1 else one
@@ -62,24 +61,51 @@ def find_entries(words: list[str], colour: bool) -> list[Entry]:
         else:
             own = targets or list({one.suite.fingerprint: one.suite for one in entries}.values())
             entries += named_entries(name, own, world, colour)
+    given.check_reading([entry.suite for entry in entries])
     return entries
 
 
-class Given(NamedTuple):
-    """What words such as target=CASE and situations.KEY=VALUE say: suites by their names, and their world."""
+@dataclass
+class Given:
+    """What words such as target=CASE and situations.KEY=VALUE say; `reading` are keys of the latter."""
 
     names: list[str]
-    suites: list[Suite]
     world: World
     changes: Changes
+    reading: dict[str, Any]
+    _loaded: list[tuple[World, list[Suite]]] = field(default_factory=list)
+
+    def suites(self, world: World) -> list[Suite]:
+        """Load the targets in a world, once: a file of another tool gets its scale from it.
+
+        Raises:
+            ConfigError: a target cannot be read.
+        """
+        for other, known in self._loaded:
+            if other == world:
+                return known
+        bounds, reading = self.changes.perturbation, self.changes.situations
+        found = [load_suite(name, world, "target", bounds, reading) for name in self.names]
+        self._loaded.append((world, found))
+        return found
+
+    def check_reading(self, suites: Sequence[Suite]) -> None:
+        """Check that keys of reading mean something.
+
+        Raises:
+            ConfigError: no suite is a file of another tool.
+        """
+        if self.reading and not any(case.scale for suite in suites for case in suite.cases):
+            key = f"situations.{next(iter(self.reading))}"
+            raise ConfigError(f"{key}: no target is a file of another tool; allowed with target=FILE|FOLDER")
 
 
-def find_suites(
+def find_targets(
     words: list[str], groups: Sequence[str] = ("perturbation", "world", "situations"), default: str = ""
 ) -> Given:
     """Read the words of a command line that say what to act in: target=CASE, and keys of some groups.
 
-    Without a target the suites are those of `default`, if there is one.
+    Without a target it is `default`, if there is one.
 
     Raises:
         ConfigError: a word is no such key, or a value is wrong.
@@ -93,15 +119,23 @@ def find_suites(
     if len(targets) > 1:
         raise ConfigError("target: given twice; allowed: target=CASE once, with commas between several cases")
     try:
-        changes = read_as(Changes, read_changes(keys))
+        values = read_changes(keys)
+        changes = read_as(Changes, values)
     except YAMLError as error:
         given = ", ".join(word.partition("=")[0] for word in keys)
         raise ConfigError(f"{given}: not readable: {' '.join(str(error).split())}") from None
     world = load_world(changes.world)
     # Without a default there may be no suite.
     names = [name for name in (targets or [default])[0].split(",") if name or default]
-    suites = [load_suite(name, world, "target", changes.perturbation, changes.situations) for name in names]
-    return Given(names, suites, world, changes)
+    return Given(names, world, changes, dict(values.get("situations", {})))
+
+
+def find_suites(words: list[str], default: str) -> tuple[list[str], list[Suite], World]:
+    """Return the targets of a command line that names no policies: names, suites and their world."""
+    given = find_targets(words, ("situations",), default)
+    suites = given.suites(given.world)
+    given.check_reading(suites)
+    return given.names, suites, given.world
 
 
 def named_entries(name: str, suites: list[Suite], world: World, colour: bool) -> list[Entry]:
@@ -132,12 +166,13 @@ def bundled_entries(name: str, targets: list[Suite], world: World, perturbation:
     ]
 
 
-def folder_entries(folder: Path, targets: list[Suite], changes: Changes) -> list[Entry]:
-    """Return the networks of all results in a folder and below, on `targets` or on their own target.
+def folder_entries(folder: Path, given: Given) -> list[Entry]:
+    """Return the networks of all results in a folder and below, on the given targets or on their own target.
 
-    Where starts are perturbed, no return is claimed: the run was evaluated on others.
+    Keys of reading change those with which a run read its own target. Where they do, or starts are perturbed,
+    no return is claimed: the run was evaluated on others.
     """
-    found: list[Entry] = []
+    found, changes = list[Entry](), given.changes
     readable, broken = collect(folder)
     for path, error in broken:
         print_error(f"{path}: {error}; left out")
@@ -145,10 +180,12 @@ def folder_entries(folder: Path, targets: list[Suite], changes: Changes) -> list
         place = run.folder
         world, colour, trained, reading = read_settings(place)
         bounds = trained if changes.perturbation.is_none else changes.perturbation
-        reading = reading if changes.situations == DEFAULT else changes.situations
+        reading = read_as(Situations, plain(reading) | given.reading)
         target = f"{place / RESULT}: target"
-        suites = targets or [load_suite(locate(run.target, place), world, target, bounds, reading)]
-        is_other = bool(targets) or changes.situations != DEFAULT
+        suites = given.suites(world) or [
+            load_suite(locate(run.target, place), world, target, bounds, reading)
+        ]
+        is_other = bool(given.names or given.reading)
         label = f"{run.label} {run.name} seed {run.seed}"
         for file, key, claim in ((POLICY, "best", run.best), (POLICY_LAST, "final", run.final)):
             if not (place / file).is_file():

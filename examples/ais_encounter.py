@@ -2,7 +2,7 @@
 
     python examples/ais_encounter.py outputs/foreign/day.csv outputs/encounter.png 20
 
-The dashed line is the moment at which encounter 20 of the file begins: own ship starts there.
+The dashed line is the moment at which encounter 20 begins (its scene ends in -20): own ship starts there.
 It is the first at which DCPA and TCPA lie below their dotted limits.
 """
 
@@ -17,14 +17,18 @@ from ship_trl.config.types import OwnShip
 from ship_trl.formats import ais, tracks
 from ship_trl.sim.geometry import predicted_approach
 
-# Metres and seconds: 0.4 NM and 15 minutes, as in docs/foreign.md; then what ends an encounter, and the view.
-LIMITS = tracks.Limits(0.4 * 1852, 900.0, 0.6 * 1852, 4.3 * 1852)
+# Metres and seconds: 0.4 NM and 15 minutes, as in docs/foreign.md; then what ends an encounter, the view, and
+# the least TCPA of one that is seen in time.
+LIMITS = tracks.Limits(0.4 * 1852, 900.0, 0.6 * 1852, 4.3 * 1852, soonest=240.0)
 
 
 def main(table: str, picture: str, number: str) -> None:
     """Write a PNG of one encounter."""
     fixes = ais.read_table(Path(table))
-    situation = tracks.find_encounters(fixes, LIMITS, OwnShip.gives_way, 1).situations[int(number)]
+    situations = tracks.find_encounters(fixes, LIMITS, OwnShip.gives_way, 1).situations
+    if not 1 <= int(number) <= len(situations):
+        sys.exit(f"{table}: no encounter {number}; allowed: 1 to {len(situations)}")
+    situation = situations[int(number) - 1]
     samples = tracks.resample(fixes, tracks.INSTANT)
     assert situation.start is not None and situation.origin is not None
     start = situation.start.timestamp()

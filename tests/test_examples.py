@@ -194,7 +194,7 @@ def test_two_readings_that_are_one_differ_in_nothing(tmp_path: Path) -> None:
 
 def test_an_encounter_of_a_table_is_drawn(tmp_path: Path) -> None:
     write(tmp_path / "day.csv", make(CROSSING), "danish")
-    words = str(tmp_path / "day.csv"), str(tmp_path / "encounter.png"), "0"
+    words = str(tmp_path / "day.csv"), str(tmp_path / "encounter.png"), "1"
     assert run_script(ROOT / "examples/ais_encounter.py", *words, folder=tmp_path).code == 0
     assert np.asarray(Image.open(tmp_path / "encounter.png")).std() > 5
 

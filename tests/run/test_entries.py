@@ -59,5 +59,5 @@ def test_the_safe_distance_of_a_run_stands_for_that_at_sea(
 
 def test_reading_without_a_file_of_another_tool_is_refused() -> None:
     for words in (["keep_course", "target=4"], ["pretrained:4"]):
-        with pytest.raises(ConfigError, match="situations.safe: no target is a file of another tool"):
+        with pytest.raises(ConfigError, match=r"situations\.safe: no target is a file of another tool"):
             find_entries([*words, "situations.safe=0.5"], False)

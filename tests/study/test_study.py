@@ -103,7 +103,7 @@ def test_a_study_of_ones_own_pair_ends_in_a_page_of_its_question(tmp_path: Path)
     page = (place / "report/index.html").read_text()
     assert "<h1>Help: from case 3?</h1>" in page and "claim" not in page.partition("</style>")[2]
     pictures = {path.stem for path in (place / "report").glob("*.png")}
-    assert pictures == {"effects", "pair_harbour", "differences", "times"}
+    assert pictures == {"cases", "effects", "pair_harbour", "differences", "times"}
     # Made again, it has the same bytes.
     before = files(place / "report")
     report([str(place)])

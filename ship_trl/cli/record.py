@@ -19,6 +19,7 @@ from ship_trl.cli.errors import refusals
 from ship_trl.cli.parser import add_number, add_output, add_policies, add_size, make_parser
 from ship_trl.cli.watch import DEFAULT_WORDS
 from ship_trl.config.errors import ConfigError, missing_extra
+from ship_trl.formats.suites import MAX_NAMES
 from ship_trl.policies.registry import Entry, split_suites
 from ship_trl.run.entries import drop_last_networks, find_entries
 
@@ -31,6 +32,7 @@ if TYPE_CHECKING:
 
 FrameRate = Annotated[float, Field(ge=1, le=60)]
 Speed = Annotated[float, Field(ge=0.1, le=100)]
+ONE = "target=CASE, or situations.scene=NAME of a file of many"
 
 
 def main(arguments: list[str] | None = None) -> None:
@@ -64,10 +66,11 @@ def main(arguments: list[str] | None = None) -> None:
         entries = split_suites(named, options.seed)
         cases = {entry.suite.case.fingerprint: entry.suite.case.name for entry in entries}
         if options.trajectories is not None and len(cases) > 1:
-            raise ConfigError(f"--trajectories: one case, got {', '.join(cases.values())}; give target=CASE")
+            names = ", ".join(list(cases.values())[:MAX_NAMES]) + ", ..." * (len(cases) > MAX_NAMES)
+            raise ConfigError(f"--trajectories: one case, got {names}; give {ONE}")
         if exports and len(entries) > 1:
             raise ConfigError(
-                f"--situation, --ais: one episode, got {len(entries)}; give one policy and target=CASE"
+                f"--situation, --ais: one episode, got {len(entries)}; give one policy and {ONE}"
             )
 
         from ship_trl.run.process import configure_process

@@ -140,13 +140,15 @@ class Situations:
 
     `safe` is the real distance (nautical miles) that the world's safe distance stands for. Of AIS traffic,
     `own` says which ship of an encounter is own ship, `ships` how many target ships are kept at most, and
-    `targets` whether they keep the course of their start or replay their tracks.
+    `targets` whether they keep the course of their start or replay their tracks. `scene` is the name of the
+    only scene to keep.
     """
 
     safe: Annotated[float, Field(gt=0, le=10)] = 0.3
     own: OwnShip = OwnShip.gives_way
     targets: Targets = Targets.straight
     ships: Annotated[int, Field(ge=1, le=8)] = 3
+    scene: str = ""
 
 
 @dataclass(frozen=True)

@@ -40,6 +40,8 @@ UNNAMED = re.compile(r"[^\w.-]+")
 MAX_JSON_BYTES = 1_000_000
 # Reasons of refusals that the closing line names.
 MAX_REASONS = 3
+# Scenes that a refusal names.
+MAX_NAMES = 8
 # Of the way that own ship can go straight on in the time of an episode: the rest is for a detour.
 USED = 0.7
 # What stands for the ideal path, which nobody knows.
@@ -215,6 +217,12 @@ def read_cases(name: str, world: World, reading: Situations = DEFAULT) -> Report
                     case.name = next(name for name in names if name not in taken)
                     taken.add(case.name)
                     report.cases.append(case)
+    if reading.scene and report.cases:
+        known = [case.name for case in report.cases]
+        report.cases = [case for case in report.cases if case.name == reading.scene]
+        if not report.cases:
+            allowed = ", ".join(known[:MAX_NAMES]) + ", ..." * (len(known) > MAX_NAMES)
+            raise ConfigError(f"situations.scene: {name} has no scene {reading.scene}; allowed: {allowed}")
     recorded = (ship for case in report.cases for ship in case.target_ships if isinstance(ship, RecordedShip))
     for number, ship in enumerate(recorded):
         ship.number = number

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import math
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -141,6 +142,17 @@ def test_a_recorded_scene_is_the_same_alone_and_in_a_folder(tmp_path: Path) -> N
     folder, alone = (load_suite(str(tmp_path / name), WORLD, reading=reading) for name in ("", "b.csv"))
     assert [case.fingerprint for case in alone.cases] == [case.fingerprint for case in folder.cases[1:]]
     assert len({case.fingerprint for case in folder.cases}) == len(folder.cases) > 1
+
+
+def test_one_scene_of_a_file_can_be_chosen(tmp_path: Path) -> None:
+    name, own = str(write(tmp_path / "day.csv", make(HEAD_ON), "danish")), Situations()
+    first, second = load_suite(name, WORLD).cases
+    (chosen,) = load_suite(name, WORLD, reading=replace(own, scene=second.name)).cases
+    assert chosen.fingerprint == second.fingerprint != first.fingerprint
+    with pytest.raises(
+        ConfigError, match=rf"situations\.scene: .* has no scene none; allowed: {first.name}, "
+    ):
+        load_suite(name, WORLD, reading=replace(own, scene="none"))
 
 
 def test_an_encounter_of_a_slow_own_ship_and_one_seen_late_are_told(tmp_path: Path) -> None:

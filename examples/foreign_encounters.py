@@ -31,7 +31,10 @@ SHIPS, SECONDS, SIDE, EVERY = 250, 6 * 3600, 60_000, 30
 
 def make_situations(folder: Path) -> None:
     """Let trafficgen write situations, with its own classes and settings."""
-    import trafficgen
+    try:
+        import trafficgen
+    except ImportError:
+        sys.exit("situations need trafficgen: pip install trafficgen==0.9.1")
     from trafficgen.ship_traffic_generator import generate_traffic_situations
     from trafficgen.write_traffic_situation_to_file import write_traffic_situations_to_json_file
 
@@ -96,6 +99,6 @@ def make_day(path: Path) -> None:
 if __name__ == "__main__":
     FOLDER = Path(sys.argv[1] if len(sys.argv) > 1 else "outputs/foreign")
     FOLDER.mkdir(parents=True, exist_ok=True)
-    make_situations(FOLDER)
     make_day(FOLDER / "day.csv")
+    make_situations(FOLDER)
     print(f"{FOLDER / 'situations'}\n{FOLDER / 'day.csv'}")

@@ -13,6 +13,7 @@ from typing import NamedTuple
 
 import torch
 
+from ship_trl.config.errors import ConfigError
 from ship_trl.config.types import World
 from ship_trl.formats.suites import load_suite
 from ship_trl.sim.cases import Case, load_world
@@ -79,4 +80,7 @@ def main(folder: str) -> None:
 
 
 if __name__ == "__main__":
-    main(sys.argv[1] if len(sys.argv) > 1 else "outputs/ntnu_imazu")
+    try:
+        main(sys.argv[1] if len(sys.argv) > 1 else "outputs/ntnu_imazu")
+    except ConfigError as error:
+        sys.exit(str(error))

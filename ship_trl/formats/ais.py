@@ -1,4 +1,4 @@
-"""AIS positions: tables of MarineCadastre (old, new), Denmark and Kystverket, DataFrames, NMEA sentences.
+"""AIS positions: tables of MarineCadastre (old, new), Denmark and Kystverket, and DataFrames.
 
 Of all columns six are read, by their names: see `ALIASES`. Every value that means "not available", or lies
 outside what a message can hold, becomes missing (NaN) here and nowhere later. Rows may come in any order.
@@ -7,10 +7,7 @@ outside what a message can hold, becomes missing (NaN) here and nowhere later. R
 from __future__ import annotations
 
 import io
-import math
-import re
 import zipfile  # noqa: TID251 (one file is opened, nothing is extracted)
-from array import array
 from collections.abc import Iterable, Iterator, Sequence
 from pathlib import Path
 from typing import IO, TYPE_CHECKING, Any, NamedTuple
@@ -41,12 +38,10 @@ SHIPS = ("a", "b", "class a", "class b")
 PIECE, MAX_LINE = 1 << 24, 1 << 16
 # Bytes of a zst file that are unpacked at once: at most 64 MB, as 4 bytes can stand for 128 kB.
 PACKED = 1 << 11
-# The year 5138. A larger number of a tag block is a time in milliseconds.
+# The year 5138. A larger number is a time in milliseconds.
 MAX_SECONDS = 10**11
 # Knots. Above, a message means "not available" (102.3), or "102.2 or more".
 MAX_SPEED = 50.0
-# Bits of position reports by their type, up to the end of the course.
-LEAST_BITS = {1: 128, 2: 128, 3: 128, 18: 124, 19: 124, 27: 94}
 ZIP, ZSTD = b"PK\x03\x04", b"\x28\xb5\x2f\xfd"
 
 
@@ -331,57 +326,3 @@ def sort_fixes(parts: Iterable[Fixes]) -> Fixes:
         columns[n] = columns[n][order]
     columns[0] = np.cumsum(np.diff(columns[0], prepend=columns[0][:1]) != 0, dtype=np.int32)
     return Fixes(*columns)
-
-
-def read_nmea(path: Path) -> Fixes:
-    """Read NMEA 0183 sentences of AIS, each with a tag block that says when it was received, by `pyais`.
-
-    Raises:
-        ConfigError: pyais is not installed, no sentence has a time, or a line is too long.
-    """
-    try:
-        import pyais
-    except ImportError:
-        raise ConfigError(f"{path}: {missing_extra('pyais', 'ais')}") from None
-    numbers, untimed = array("d"), 0
-    with path.open("rb") as file:
-        lines = (line for _, piece in whole_lines(file, path) for line in piece.splitlines())
-        # A sentence whose checksum is wrong is decoded all the same.
-        for message in (one for one in pyais.IterMessages(lines) if one.is_valid):
-            if (tags := message.tag_block) is not None:
-                tags.init()
-            # A tag block with a wrong checksum, or a word for a time, tells no time.
-            if (
-                tags is None
-                or not tags.is_valid
-                or not re.fullmatch(r"\d{1,15}", str(tags.receiver_timestamp))
-            ):
-                untimed += 1
-                continue
-            time = int(tags.receiver_timestamp)
-            # Receivers write seconds or milliseconds.
-            numbers.extend(decoded(message, time // 1000 if time > MAX_SECONDS else time))
-    if not numbers:
-        sentences = f"{untimed} sentences have no time; wanted: tag blocks with c:SECONDS"
-        raise ConfigError(
-            f"{path}: {sentences if untimed else 'has no position report (1 to 3, 18, 19, 27)'}"
-        )
-    return sort_fixes([known_fixes(*np.frombuffer(numbers).reshape(-1, len(KINDS)).T)])
-
-
-def decoded(message: Any, time: int) -> tuple[float, ...]:
-    """Return a position report's MMSI, time, place, speed (knots) and course (degrees), else nothing."""
-    import pyais
-
-    try:
-        report = message.decode()
-    except pyais.exceptions.AISBaseException:
-        return ()
-    # Of a sentence that was cut off, pyais reads the bits that are left as a number.
-    if 6 * len(message.payload) < LEAST_BITS.get(report.msg_type, math.inf):
-        return ()
-    sog, cog = float(report.speed), float(report.course)
-    if report.msg_type == 27:
-        # A long-range report has sentinels of its own.
-        sog, cog = (np.nan if sog >= 63 else sog), (np.nan if cog >= 511 else cog)
-    return float(report.mmsi), float(time), float(report.lat), float(report.lon), sog, cog

@@ -259,9 +259,9 @@ def read_traffic(
     Raises:
         ValueError: it has no position of a ship, or courses contradict positions.
     """
-    from ship_trl.formats import ais, tracks
+    from ship_trl.formats import ais, nmea, tracks
 
-    fixes = ais.read_nmea(file) if re.search(rb"[!$]..VD[MO],", head) else ais.read_table(file)
+    fixes = nmea.read_nmea(file) if re.search(rb"[!$]..VD[MO],", head) else ais.read_table(file)
     if not len(fixes.ship):
         raise ValueError("has no row with a ship's MMSI (2 to 7 first, nine digits), a time and a position")
     if not tracks.follow_courses(fixes):

@@ -1,4 +1,4 @@
-"""Measure how AIS tables of made-up ships are read as suites, beside plain reading by pandas.
+"""Measure how long AIS tables of made-up ships take to read as suites, and by pandas alone.
 
     python -m benchmarks.positions 1 3 10
 

@@ -1,6 +1,6 @@
 """CKA by layer between the networks of a study (`python -m ship_trl study layers FOLDER TABLE`).
 
-The kept tables of a study hold no networks, so this is measured while the runs exist. All seeds and arms are
+The kept tables of a study hold no networks, so this is measured while the runs exist. All arms of a seed are
 compared on the same states of the target case. The report draws a layers.csv beside the study's tables.
 """
 
@@ -37,7 +37,8 @@ if TYPE_CHECKING:
     from ship_trl.explain.states import Floats
     from ship_trl.learn.network import DuelingNetwork
 
-# Half of the episodes take random actions, half those of the bundled network of the case.
+# Half of the episodes take random actions, half those of the bundled network of the case; where none is
+# bundled, those of the seed's network from scratch.
 EPISODES, STATES_SEED = 60, 0
 Layer = tuple[int, str, str, str, str, float]
 # Folders of runs, by arm.
@@ -120,11 +121,15 @@ def compare_pair(seed: int, pair: str, runs: Runs, other_seed: Path | None) -> l
     def load(name: str | Path) -> DuelingNetwork:
         return load_with_network(str(name), env)[1]
 
-    bundled = load(PRETRAINED)
-    if bundled.config.linear:
-        wanted = "allowed: a target with a bundled network of pixels"
-        raise ConfigError(f"folder: pair {pair}: {PRETRAINED} sees numbers there; {wanted}")
-    states = draw_states(env, bundled, EPISODES, Generator().manual_seed(STATES_SEED)).states
+    of_scratch = load(runs[SCRATCH] / POLICY)
+    if of_scratch.config.linear:
+        raise ConfigError(f"folder: pair {pair}: its networks see numbers; allowed: networks that see pixels")
+    try:
+        bundled = load(PRETRAINED)
+    except ConfigError:
+        bundled = of_scratch
+    player = of_scratch if bundled.config.linear else bundled
+    states = draw_states(env, player, EPISODES, Generator().manual_seed(STATES_SEED)).states
 
     def kernels(network: DuelingNetwork) -> dict[str, Floats]:
         with torch.no_grad():
@@ -132,7 +137,7 @@ def compare_pair(seed: int, pair: str, runs: Runs, other_seed: Path | None) -> l
         return {layer: gram(values) for layer, values in found.items()}
 
     of_arm = {arm: kernels(load(run / POLICY)) for arm, run in runs.items()}
-    untrained = make_untrained(load(runs[SCRATCH] / POLICY), Generator().manual_seed(seed))
+    untrained = make_untrained(of_scratch, Generator().manual_seed(seed))
     shared = {SOURCE: kernels(load(locate(source, runs[SCRATCH])))}
     others = {arm: shared | {SCRATCH: of_arm[SCRATCH]} for arm in of_arm}
     others[SCRATCH] = shared | {UNTRAINED: kernels(untrained)}

@@ -7,8 +7,8 @@ from pathlib import Path
 import pytest
 
 from ship_trl.study.tables import LAYERS, read_layers
-from tests.command import report, ship_trl
-from tests.study.commands import SMALL, study
+from tests.command import SMOKE, report, ship_trl
+from tests.study.commands import SMALL, own_study, study
 
 # It trains a study of its own.
 pytestmark = pytest.mark.long
@@ -31,8 +31,8 @@ def folder(measured: Path, tmp_path: Path) -> Path:
     return shutil.copytree(measured, tmp_path / "copy")
 
 
-def layers(folder: Path, table: str = LAYERS) -> str:
-    return ship_trl(str(STUDY), table, folder=folder, verb="study layers").stdout
+def layers(folder: Path, of: Path = STUDY) -> str:
+    return ship_trl(str(of), LAYERS, folder=folder, verb="study layers").stdout
 
 
 def refused(folder: Path, table: str = LAYERS) -> str:
@@ -62,6 +62,16 @@ def test_missing_seeds_are_added(folder: Path) -> None:
     said = layers(folder)
     assert (folder / LAYERS).read_text() == "".join(lines)
     assert "seed 1: " in said and "seed 0: " not in said
+
+
+def test_a_case_of_ones_own_needs_no_bundled_network(tmp_path: Path) -> None:
+    own_study(tmp_path)
+    study("harbour.yaml", f"overrides=[{','.join(SMOKE[1:])}]", "controls=false", folder=tmp_path)
+    layers(tmp_path, Path("outputs/harbour"))
+    table = read_layers(tmp_path / LAYERS)
+    assert set(table["pair"]) == {"harbour"} and set(table["arm"]) == {"scratch", "FT3"}
+    copied = table.query("arm == 'FT3' and beside == 'source' and layer in ('conv1', 'conv2')")
+    assert len(copied) and (copied["cka"] > 0.3).all() and table["cka"].between(0.0, 1.0).all()
 
 
 def test_an_untrusted_study_runs_no_code(folder: Path) -> None:

@@ -35,7 +35,9 @@ from ship_trl.view.style import BACKGROUND, FAINT, OUTCOMES, TEXT, YELLOW, Colou
 MARGIN, GAP = 16, 12
 MAX_START_SIDE, PATH_SIDE = 760, 140
 # Pixels in a row of starts, and pictures in a row.
-STARTS_WIDTH, STARTS, PATHS = 1148, 5, 8
+STARTS_WIDTH, STARTS, PATHS = 1148, 4, 8
+# Letters in pixels of names, of other captions and of the footer of a page of starts: a phone shows a third.
+NAME, CAPTION, STARTS_FOOTER = 28, 24, 22
 # Side, columns, and letters of names and of other lines, of a page of all episodes and of failures alone.
 TRIED, FAILED = (PATH_SIDE, PATHS, 13, 12), (250, 3, 18, 16)
 MAX_PATHS, MAX_TITLE = 48, 52
@@ -69,8 +71,10 @@ def class_captions(state: Tensor) -> list[Line]:
     """Return a caption for each encounter class in a state [S], such as "give way, 2 ships"."""
     classes = encounter_classes(state)
     found = [(classes.count(one), *about) for one, about in CLASSES.items() if one in classes]
-    lines = [(name + (f", {count} ships" if count > 1 else ""), 13, colour) for count, name, colour in found]
-    return lines or [("no target ships", 13, FAINT)]
+    lines = [
+        (name + (f", {count} ships" if count > 1 else ""), CAPTION, colour) for count, name, colour in found
+    ]
+    return lines or [("no target ships", CAPTION, FAINT)]
 
 
 def write_case_page(
@@ -95,14 +99,13 @@ def write_case_page(
         f"lines: {AHEAD:g} s ahead, in the colour of the class; classes by Pedersen's sectors"
         + _width_at_sea(width, scales),
     )
-    _write_page(path, cells, columns, footer)
+    _write_page(path, cells, columns, footer, letters=STARTS_FOOTER)
 
 
 def _captions(name: str, world: World, sea: Scale | None) -> list[Line]:
     """Return a name in large letters, and the scale at sea in small ones."""
     words = [] if sea is None else sea.describe(world).split(", ")
-    lines = [", ".join(words[:2]), *words[2:]] if words else []
-    return [(name, 16, TEXT), *((line, 12, FAINT) for line in lines)]
+    return [(name, NAME, TEXT), *((line, CAPTION, FAINT) for line in words)]
 
 
 def write_episode_page(
@@ -161,15 +164,16 @@ def _write_page(
     columns: int,
     footer: Sequence[str],
     header: Sequence[Line] = (),
+    letters: int = 13,
 ) -> None:
     """Write square pictures in rows with captions below them, a header in one line, and lines of a footer."""
     side = cells[0][0].get_width()
     width = 2 * MARGIN + columns * (side + GAP) - GAP
-    footer = [line for text in footer for line in _wrap(text, width - 2 * MARGIN, 13)]
+    footer = [line for text in footer for line in _wrap(text, width - 2 * MARGIN, letters)]
     rows = [cells[k : k + columns] for k in range(0, len(cells), columns)]
     heights = [side + GAP + max(sum(map(_height, lines)) for _, lines in row) for row in rows]
     tops = list(accumulate(heights, initial=MARGIN + 34 * bool(header)))
-    page = pen.new_surface(width, tops[-1] + len(footer) * 17 + MARGIN, BACKGROUND)
+    page = pen.new_surface(width, tops[-1] + len(footer) * _leading(letters) + MARGIN, BACKGROUND)
     x = float(MARGIN)
     for text, size, colour in header:
         x = pen.write(page, text, (x, MARGIN + 11), colour, size, size > 15) + 20
@@ -184,7 +188,7 @@ def _write_page(
                 pen.write(page, pen.cut(text, side, size, is_name), at, colour, size, is_name)
                 down += _height(line)
     for k, text in enumerate(footer):
-        pen.write(page, text, (MARGIN, tops[-1] + (k + 0.5) * 17), FAINT, 13)
+        pen.write(page, text, (MARGIN, tops[-1] + (k + 0.5) * _leading(letters)), FAINT, letters)
     pen.save(page, path)
 
 
@@ -207,7 +211,11 @@ def _wrap(text: str, width: float, size: int) -> list[str]:
 
 
 def _height(line: Line) -> int:
-    return round(1.35 * line[1])
+    return _leading(line[1])
+
+
+def _leading(letters: int) -> int:
+    return round(1.35 * letters)
 
 
 def draw_start(

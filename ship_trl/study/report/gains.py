@@ -315,9 +315,8 @@ def draw_effects(study: Study) -> Figure | None:
     return figure
 
 
-# Words and look of each arm and the network that it is compared with; lines of scratch are black.
+# Words and look of scratch and the network that it is compared with, in black.
 COMPARED = {
-    (WHOLE, SOURCE): ("FTW and its source", style.look_of(WHOLE)),
     (SCRATCH, OTHER_SEED): ("scratch and another seed", style.look_of(SCRATCH)),
     (SCRATCH, SOURCE): ("scratch and the source", line(BLACK, DASHED)),
     (SCRATCH, UNTRAINED): ("scratch and random weights", line(BLACK, DOTTED)),
@@ -330,10 +329,15 @@ def draw_layers(study: Study) -> Figure | None:
     if table is None or table.empty:
         return None
     known, layers = sorted(table["pair"].unique()), table["layer"].unique()
-    figure = Figure((style.WIDTH, 2.5))
-    axes, least = figure.subplots(1, max(3, len(known)), sharey=True), 0.0
-    for axis, pair in zip(axes, known, strict=False):
-        for compared, (words, look) in COMPARED.items():
+    # All arms of the paper would hide each other: then FTW, which copies every layer, alone.
+    arms = [arm for arm in table["arm"].unique() if arm != SCRATCH]
+    carried = [WHOLE] if WHOLE in arms else arms
+    shown = {(arm, SOURCE): (f"{arm} and its source", style.look_of(arm)) for arm in carried} | COMPARED
+    single = len(known) == 1
+    figure = Figure((style.NARROW if single else style.WIDTH, 2.5), dpi=style.NARROW_DPI if single else None)
+    axes, least = figure.subplots(1, len(known), sharey=True, squeeze=False)[0], 0.0
+    for axis, pair in zip(axes, known, strict=True):
+        for compared, (words, look) in shown.items():
             rows = table[(table[["pair", "arm", "beside"]] == [pair, *compared]).all(axis=1)]
             # The seeds that have all layers: [S, L].
             by_seed = rows.pivot(index="seed", columns="layer", values="cka").reindex(columns=layers)
@@ -348,7 +352,5 @@ def draw_layers(study: Study) -> Figure | None:
         axis.set_xlabel(f"pair {pair}, {cases_of(study, pair)}")
         axis.set_ylim(least - 0.05, 1.05)
         axis.set_yticks([0, 0.5, 1], ["0", "0.5", "1"])
-    for axis in axes[len(known) :]:
-        axis.remove()
     axes[0].set_ylabel("CKA")
     return figure

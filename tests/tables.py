@@ -1,4 +1,4 @@
-"""`python -m tests.tables`: write the tables of docs/environment.md from the code, between their marks."""
+"""`python -m tests.tables`: write tables of the documents from the code, between their marks."""
 
 from __future__ import annotations
 
@@ -9,6 +9,7 @@ from dataclasses import replace
 import numpy as np
 
 from ship_trl.config.network import load_network
+from ship_trl.files.curve import COLUMNS
 from ship_trl.gym import ShipCollisionVectorEnv
 from ship_trl.sim import scene
 from ship_trl.sim.cases import load_world
@@ -16,7 +17,7 @@ from ship_trl.sim.reward import TERMS
 from ship_trl.sim.vector import VectorObservation
 from tests.command import ROOT
 
-PAGE = ROOT / "docs/environment.md"
+PAGES = [ROOT / "docs/environment.md", ROOT / "docs/library.md"]
 WORLD = load_world()
 Rows = list[tuple[object, ...]]
 # What the amount of a term is multiplied by; a new term needs a line.
@@ -106,7 +107,12 @@ def keys() -> Rows:
     return rows
 
 
-TABLES = {one.__name__: one for one in (actions, pixels, vector, reward, ends, keys)}
+def curve() -> Rows:
+    """Return the columns of a learning curve."""
+    return [("column", "what it is"), *((f"`{name}`", meaning) for name, meaning in COLUMNS.items())]
+
+
+TABLES = {one.__name__: one for one in (actions, pixels, vector, reward, ends, keys, curve)}
 
 
 def write_markdown(rows: Rows) -> str:
@@ -119,11 +125,14 @@ def fill(text: str) -> str:
     """Return a page with all its tables made again."""
     for name, table in TABLES.items():
         before, begin, rest = text.partition(f"<!-- begin: {name} -->\n")
+        if not begin:
+            continue
         _, end, after = rest.partition("<!-- end -->")
-        assert begin and end, name
+        assert end, name
         text = f"{before}{begin}{write_markdown(table())}\n{end}{after}"
     return text
 
 
 if __name__ == "__main__":
-    PAGE.write_text(fill(PAGE.read_text()))
+    for page in PAGES:
+        page.write_text(fill(page.read_text()))

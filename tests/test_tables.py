@@ -1,15 +1,16 @@
-"""docs/environment.md says what the code does."""
+"""The tables of the documents say what the code does."""
 
 from ship_trl.config.network import load_network
 from ship_trl.sim import scene
 from ship_trl.sim.render import Rasteriser
 from ship_trl.sim.vector import DCPA, TCPA, VectorObservation
-from tests.tables import PAGE, WORLD, fill, pixels, vector
+from tests.tables import PAGES, TABLES, WORLD, fill, pixels, vector
 
 
 def test_the_tables_are_those_that_the_command_writes() -> None:
-    text = PAGE.read_text()
-    assert fill(text) == text
+    texts = [page.read_text() for page in PAGES]
+    assert [fill(text) for text in texts] == texts
+    assert all(any(f"<!-- begin: {name} -->\n" in text for text in texts) for name in TABLES)
 
 
 def test_each_number_of_a_vector_has_a_meaning_in_the_unit_of_the_code() -> None:

@@ -57,6 +57,8 @@ ShipShares = rule(
 )
 Seconds = Annotated[float, Field(ge=0, le=MAX_STEP_SECONDS)]
 Coefficient = Annotated[float, Field(ge=-MAX_REWARD_COEFFICIENT, le=MAX_REWARD_COEFFICIENT)]
+Bonus = Annotated[float, Field(ge=0, le=MAX_REWARD_COEFFICIENT)]
+Penalty = Annotated[float, Field(ge=-MAX_REWARD_COEFFICIENT, le=0)]
 PathName = Annotated[
     str, rule(f"a path of at most {MAX_PATH_BYTES} bytes, {MAX_PATH_NAME_BYTES} a name", is_path)
 ]

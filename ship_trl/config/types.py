@@ -63,8 +63,8 @@ def bfloat16_allowed() -> bool:
 class Reward:
     """Constants of equations 4 to 6."""
 
-    goal: bounds.Coefficient
-    collision: bounds.Coefficient
+    goal: bounds.Bonus
+    collision: bounds.Penalty
     w1: bounds.Coefficient
     w2: bounds.Coefficient
     w3: bounds.Coefficient

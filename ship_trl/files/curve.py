@@ -15,13 +15,24 @@ if TYPE_CHECKING:
     import pandas as pd
 
 CURVE = "curve.csv"
-# A line is a training episode or a greedy evaluation, which has its own columns. Some evaluations of a
-# transfer also have the mean greedy return on its source.
-COLUMNS = (
-    "episode", "steps", "epsilon", "return", "length", "outcome", "dcpa", "loss",
-    "greedy_return", "greedy_length", "greedy_outcome", "greedy_dcpa", "greedy_success_rate",
-    "greedy_episodes", "source_return",
-)  # fmt: skip
+# A line is a training episode or a greedy evaluation, which has its own columns.
+COLUMNS = {
+    "episode": "training episodes done",
+    "steps": "steps of the environment done",
+    "epsilon": "share of random actions",
+    "return": "sum of the rewards, undiscounted and unscaled",
+    "length": "steps of the episode",
+    "outcome": "goal, collision or timeout",
+    "dcpa": "least distance to a target ship, m; empty without one",
+    "loss": "mean loss of the updates in the episode",
+    "greedy_return": "of an evaluation: mean over its greedy episodes",
+    "greedy_length": "the same of their steps",
+    "greedy_outcome": "their most frequent outcome",
+    "greedy_dcpa": "their least distance to a target ship, m",
+    "greedy_success_rate": "share that reaches the goal",
+    "greedy_episodes": "how many they are",
+    "source_return": "of some evaluations of a transfer: mean greedy return on the source",
+}
 # A line that is written, without empty cells.
 Row = dict[str, Any]
 # pandas takes minutes for a million columns.

@@ -19,12 +19,13 @@ from omegaconf import DictConfig, OmegaConf, open_dict, read_write
 from omegaconf.errors import OmegaConfBaseException
 
 from ship_trl.config.checks import to_config
-from ship_trl.config.errors import ConfigError, print_error
+from ship_trl.config.errors import ConfigError, command, print_error
 from ship_trl.config.paths import conf_dir
 from ship_trl.config.types import Objective
 from ship_trl.files.curve import RunError
 from ship_trl.files.record import RunRecord
 from ship_trl.grid.launchers import GRID, check_slurm, install_signal_handlers
+from ship_trl.run.console import say
 from ship_trl.run.plan import Run, TakenError, make_run
 
 TOKEN, TOKEN_PATH, MODE = "RAY_AUTH_TOKEN", "RAY_AUTH_TOKEN_PATH", "RAY_AUTH_MODE"
@@ -38,6 +39,7 @@ class Grid(Callback):
 
     def __init__(self, checks: bool) -> None:
         self._checks = checks
+        self._folders: list[Path] = []
 
     def on_multirun_start(self, config: DictConfig, **kwargs: Any) -> None:
         """Check before Hydra writes anything and before the launcher starts.
@@ -46,7 +48,7 @@ class Grid(Callback):
         """
         try:
             if self._checks:
-                check(config)
+                self._folders = check(config)
         except ConfigError as error:
             print_error(str(error))
             sys.exit(1)
@@ -57,9 +59,14 @@ class Grid(Callback):
         if "hydra_ray_launcher" in str(launcher.get("_target_")):
             close_token(own_cluster=OmegaConf.select(launcher, "ray.init.address") in (None, "local"))
 
+    def on_multirun_end(self, config: DictConfig, **kwargs: Any) -> None:
+        """Say how to compare the runs; a failed run ends the grid before."""
+        if len(self._folders) > 1:
+            say(f"compare the runs: {command('results', os.path.commonpath(self._folders))}")
 
-def check(config: DictConfig) -> None:
-    """Compose and check every run.
+
+def check(config: DictConfig) -> list[Path]:
+    """Compose and check every run; return the folders of those to be trained.
 
     Raises:
         ConfigError: a run is invalid, two different runs share a folder, a key is given twice, or there is no
@@ -76,7 +83,7 @@ def check(config: DictConfig) -> None:
             continue
         except (HydraException, OmegaConfBaseException):
             # Hydra reports this error itself.
-            return
+            return []
         in_folder.setdefault(run.folder, {})[run.config_hash] = set(words)
     for folder, runs in in_folder.items():
         if len(runs) > 1:
@@ -89,6 +96,7 @@ def check(config: DictConfig) -> None:
             raise ConfigError(
                 f"output: runs that differ in {' and '.join(keys)} would share {folder}; allowed: {how}"
             )
+    return [*in_folder]
 
 
 def check_repeated(words: Any) -> None:

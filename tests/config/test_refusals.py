@@ -43,6 +43,7 @@ WRONG = {
 }
 # Behind `+pair=high layers=3`.
 WRONG_VALUES = {
+    "world.reward.collision=200": "world.reward.collision: must be less than or equal to 0, got 200",
     "logger=banana": f'logger: must be one of {", ".join(LOGGERS)}, got "banana"',
     "learn.loss=l3": "learn.loss: must be 'l2'",
     "learn.backend=incremental fast=false": "learn.backend: must be auto or dense with fast=false, got inc",

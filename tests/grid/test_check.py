@@ -46,6 +46,7 @@ def test_without_a_cluster_its_launcher_is_refused(tmp_path: Path) -> None:
 
 
 def test_settings_of_a_grid_may_name_its_folders(tmp_path: Path) -> None:
-    ship_trl(*SCRATCH, BASIC, "learn.tau=0.1,0.2", "output=runs/${learn.tau}", folder=tmp_path)
+    done = ship_trl(*SCRATCH, BASIC, "learn.tau=0.1,0.2", "output=runs/${learn.tau}", folder=tmp_path)
+    assert "compare the runs: python -m ship_trl results runs\n" in done.stderr + done.stdout
     found = {str(path.relative_to(tmp_path)) for path in tmp_path.rglob("result.json")}
     assert found == {f"runs/{tau}/1/scratch/seed=0/result.json" for tau in ("0.1", "0.2")}

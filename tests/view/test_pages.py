@@ -28,7 +28,7 @@ def read(path: Path) -> NDArray[np.uint8]:
 
 
 def test_every_case_has_a_picture_and_a_caption(world: World, tmp_path: Path) -> None:
-    suite, side = load_suite("imazu", world), 220
+    suite, side = load_suite("imazu", world), 278
     names = [case.name for case in suite.cases]
     pages.write_case_page(tmp_path / "page.png", names, Starts(suite, world).states, world)
     page = read(tmp_path / "page.png")

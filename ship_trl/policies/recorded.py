@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from dataclasses import replace
 from itertools import chain, pairwise
+from typing import NoReturn
 
 import torch
 from tensordict import TensorDictBase
@@ -31,13 +32,13 @@ def recorded_actions(case: Case, world: World) -> list[list[float]]:
     return [*actions[1:], [actions[-1][0], 0.0]]
 
 
-def follow_track(env: ShipEnv, _: int = 0) -> Policy:
+def follow_track(env: ShipEnv) -> Policy:
     """Return the policy of `rollout_recorded`, in whose world the actions of each track follow the last one.
 
     Raises:
-        ConfigError: no case has a recorded track, or starts are perturbed.
+        ConfigError: a case has no recorded track, or starts are perturbed.
     """
-    if env.suite.is_drawn or not any(case.track for case in env.suite.cases):
+    if env.suite.is_drawn or not all(case.track for case in env.suite.cases):
         raise ConfigError(f"policy: {NAME} is known of AIS traffic alone; allowed: target=FILE of positions")
     # As many as `recorded_actions` returns.
     lengths = torch.tensor([len(case.track) + 1 for case in env.suite.cases])
@@ -48,6 +49,16 @@ def follow_track(env: ShipEnv, _: int = 0) -> Policy:
         return step.set("action", first + torch.minimum(time, lengths - 1))
 
     return policy
+
+
+def refuse_steps(env: ShipEnv, _: int = 0) -> NoReturn:
+    """Refuse to make a policy for single steps, whose world has other actions.
+
+    Raises:
+        ConfigError: always.
+    """
+    follow_track(env)
+    raise ConfigError(f"policy: {NAME} decides no single step; allowed: in evaluate, watch and record")
 
 
 def rollout_recorded(suite: Suite, world: World) -> list[Episode]:

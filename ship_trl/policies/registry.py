@@ -30,7 +30,7 @@ POLICIES = {
     "random": Named("ship_trl.policies.reference:random_actions", "draws its actions", draws=True),
     "keep_course": Named("ship_trl.policies.reference:keep_course", "keeps its course"),
     "best_known": Named("ship_trl.policies.reference:follow_best_known", "follows the planner's best plan"),
-    "recorded": Named("ship_trl.policies.recorded:follow_track", "what own ship really did in AIS traffic"),
+    "recorded": Named("ship_trl.policies.recorded:refuse_steps", "what own ship really did in AIS traffic"),
     "vo": Named("ship_trl.policies.vo:VelocityObstacles", "velocity obstacles (Kuwata et al.)"),
     "sb_mpc": Named(
         "ship_trl.policies.sb_mpc:SimulationBasedMPC", "simulation-based predictive control (Johansen et al.)"

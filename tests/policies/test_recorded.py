@@ -59,3 +59,12 @@ def test_a_case_without_a_track_is_refused() -> None:
         rollout_entry(entry)
     with pytest.raises(ConfigError, match="recorded is known of AIS traffic alone"):
         load_policy("recorded", make_env("4", WORLD))
+    mixed = replace(entry, suite=Suite("s", (bent(1), load_case("4", WORLD))))
+    with pytest.raises(ConfigError, match="recorded is known of AIS traffic alone"):
+        rollout_entry(mixed)
+
+
+def test_it_cannot_be_stepped_by_hand() -> None:
+    env = make_env(Suite("s", (bent(1),)), WORLD)
+    with pytest.raises(ConfigError, match="recorded decides no single step; allowed: in evaluate, watch"):
+        load_policy("recorded", env)

@@ -17,8 +17,8 @@ import pandas
 
 from ship_trl.cli.parser import make_parser
 from ship_trl.config.bounds import KNOT
+from ship_trl.formats.ais import AIS_COLUMNS
 from ship_trl.formats.situation import metres_per_degree
-from ship_trl.formats.write import AIS_COLUMNS
 from ship_trl.run.console import show
 
 ROOT = Path(__file__).resolve().parents[1]
@@ -26,7 +26,7 @@ MINUTES, LATITUDE, LONGITUDE = 1440, 30.0, -60.0
 # Ships of a million rows begin in a square of this side (degrees): as many as in a busy sea.
 SIDE = 3.0
 WAYS = {
-    "ship_trl": "from ship_trl.formats.suites import read_cases\n"
+    "ship_trl": "from ship_trl.foreign.suites import read_cases\n"
     "from ship_trl.sim.cases import load_world\n"
     "read_cases(sys.argv[1], load_world())",
     "pandas.read_csv": "import pandas\npandas.read_csv(sys.argv[1])",

@@ -14,7 +14,8 @@ import torch
 from matplotlib.figure import Figure
 
 from ship_trl.config.types import OwnShip
-from ship_trl.formats import ais, tracks
+from ship_trl.foreign import tracks
+from ship_trl.formats import ais
 from ship_trl.sim.geometry import predicted_approach
 
 # Metres and seconds: 0.4 NM and 15 minutes, as in docs/foreign.md; then what ends an encounter, the view, and

@@ -15,7 +15,7 @@ import torch
 
 from ship_trl.config.errors import ConfigError
 from ship_trl.config.types import World
-from ship_trl.formats.suites import load_suite
+from ship_trl.foreign.suites import load_suite
 from ship_trl.sim.cases import Case, load_world
 from ship_trl.sim.encounter import Encounter, relative_motion
 from ship_trl.sim.state import initial_state

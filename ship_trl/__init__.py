@@ -30,7 +30,7 @@ def make_env(
         world: physics and reward; None for conf/world/paper.yaml.
         num_envs: number of own ships.
         config: of a name or path, changes such as `{"world": {"dt": 0.5}, "traffic": {"reacting": 1}}`, see
-            `ship_trl.formats.suites.load_changed`.
+            `ship_trl.foreign.suites.load_changed`.
         given: further arguments of `ship_trl.sim.env.ShipEnv`; `fast=False` leaves everything to torch.
 
     Raises:
@@ -38,7 +38,7 @@ def make_env(
     """
     from ship_trl.config.errors import require
     from ship_trl.fast import worlds
-    from ship_trl.formats.suites import load_changed
+    from ship_trl.foreign.suites import load_changed
     from ship_trl.sim.cases import load_world
 
     if isinstance(suite, str):

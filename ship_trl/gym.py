@@ -36,7 +36,7 @@ from ship_trl.fast.draw import CompiledDrawing
 from ship_trl.fast.observe import CompiledVector
 from ship_trl.fast.step import CompiledStep
 from ship_trl.fast.worlds import make_starts
-from ship_trl.formats.suites import load_changed
+from ship_trl.foreign.suites import load_changed
 from ship_trl.sim import scene
 from ship_trl.sim.render import Rasteriser
 from ship_trl.sim.replay import Replay, with_replay
@@ -82,7 +82,7 @@ class ShipCollisionVectorEnv(gymnasium.vector.VectorEnv[Observations, NDArray[np
         render_mode: "rgb_array" for the large picture, or None.
         max_episode_steps: where an episode is truncated, if that is before `world.max_steps`.
         autoreset_mode: see above.
-        config: changes of conf/world and of a suite, see `ship_trl.formats.suites.load_changed`.
+        config: changes of conf/world and of a suite, see `ship_trl.foreign.suites.load_changed`.
 
     Raises:
         ConfigError: no such case, observation, render mode or mode, or a wrong limit, time or key.

@@ -9,15 +9,15 @@ import pytest
 PACKAGE = Path(__file__).parent.parent / "ship_trl"
 # The rooms from the bottom up: each may import what stands before it.
 ROOMS = (
-    "config", "files", "sim", "formats", "learn", "transfer", "fast", "policies", "view", "gym", "run",
-    "grid", "study", "explain", "cli", "__main__",
+    "config", "files", "sim", "formats", "foreign", "learn", "transfer", "fast", "policies", "view", "gym",
+    "run", "grid", "study", "explain", "cli", "__main__",
 )  # fmt: skip
 # What a user's `import ship_trl` offers, in functions: any room.
 TOP = "__init__"
 # Checks come before torch: no file of these imports it at its top.
 WITHOUT_TORCH = (
-    "config", "files", "cli", "__main__", "sim/cases", "formats/suites", "transfer/similarity",
-    "transfer/casebase",
+    "config", "files", "cli", "__main__", "sim/cases", "formats", "foreign/suites", "foreign/cases",
+    "transfer/similarity", "transfer/casebase",
     "policies/pretrained", "policies/demonstrations", "policies/registry",
     "run/plan", "run/process", "run/console", "grid/launchers", "run/results",
     "grid/callback", "grid/compose", "run/entries", "run/pretrain",

@@ -19,7 +19,7 @@ from ship_trl.cli.errors import refusals
 from ship_trl.cli.parser import add_number, add_output, add_policies, add_size, make_parser
 from ship_trl.cli.watch import DEFAULT_WORDS
 from ship_trl.config.errors import ConfigError, missing_extra
-from ship_trl.formats.suites import MAX_NAMES
+from ship_trl.foreign.suites import MAX_NAMES
 from ship_trl.policies.registry import Entry, split_suites
 from ship_trl.run.entries import drop_last_networks, find_entries
 
@@ -145,8 +145,9 @@ def record_chart(entries: list[Entry], options: Namespace) -> None:
 def write_episode(entry: Entry, options: Namespace) -> None:
     """Write the first episode of an entry in the forms of other tools, at the scale of the sea."""
     from ship_trl.files.disk import atomic_write
+    from ship_trl.foreign.episodes import situation_of
+    from ship_trl.formats.ais import write_ais
     from ship_trl.formats.maritime_schema import write_situation
-    from ship_trl.formats.write import situation_of, write_ais
     from ship_trl.policies.named import rollout_entry
     from ship_trl.sim.state import first_case
 

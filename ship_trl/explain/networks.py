@@ -18,7 +18,7 @@ from ship_trl.fast.worlds import make_env
 from ship_trl.files.curve import RunError
 from ship_trl.files.record import RESULT, RunRecord, read_run
 from ship_trl.files.untrusted import read_yaml
-from ship_trl.formats.suites import load_suite
+from ship_trl.foreign.suites import load_suite
 from ship_trl.learn.network import DuelingNetwork, make_network
 from ship_trl.learn.rollout import greedy_policy, rollout
 from ship_trl.policies.named import load_with_network

@@ -1,4 +1,4 @@
-"""AIS positions: tables of MarineCadastre (old, new), Denmark and Kystverket, and DataFrames.
+"""AIS positions: tables of MarineCadastre (old, new), Denmark and Kystverket, DataFrames; and a new table.
 
 Of all columns six are read, by their names: see `ALIASES`. Every value that means "not available", or lies
 outside what a message can hold, becomes missing (NaN) here and nowhere later. Rows may come in any order.
@@ -9,6 +9,7 @@ from __future__ import annotations
 import io
 import zipfile  # noqa: TID251 (one file is opened, nothing is extracted)
 from collections.abc import Iterable, Iterator, Sequence
+from datetime import timedelta
 from pathlib import Path
 from typing import IO, TYPE_CHECKING, Any, NamedTuple
 
@@ -17,6 +18,7 @@ from numpy.typing import NDArray
 
 from ship_trl.config.bounds import KNOT
 from ship_trl.config.errors import ConfigError, missing_extra
+from ship_trl.formats.situation import PLACE, START, Situation
 
 if TYPE_CHECKING:
     from pandas import DataFrame
@@ -42,6 +44,12 @@ PACKED = 1 << 11
 MAX_SECONDS = 10**11
 # Knots. Above, a message means "not available" (102.3), or "102.2 or more".
 MAX_SPEED = 50.0
+# Of what is written: seconds between rows, as class A sends them at most speeds; the ships' first number.
+AIS_SECONDS, FIRST_MMSI = 10, 200_000_000
+AIS_COLUMNS = (
+    "mmsi,base_date_time,longitude,latitude,sog,cog,heading,vessel_name,imo,call_sign,vessel_type,status,"
+    "length,width,draft,cargo,transceiver"
+)
 ZIP, ZSTD = b"PK\x03\x04", b"\x28\xb5\x2f\xfd"
 
 
@@ -326,3 +334,28 @@ def sort_fixes(parts: Iterable[Fixes]) -> Fixes:
         columns[n] = columns[n][order]
     columns[0] = np.cumsum(np.diff(columns[0], prepend=columns[0][:1]) != 0, dtype=np.int32)
     return Fixes(*columns)
+
+
+def write_ais(situation: Situation) -> str:
+    """Return the tracks of a situation as a table like the new ones of MarineCadastre, sorted by time.
+
+    Ships are numbered, own ship is 1: no name, call sign or MMSI of a real ship is written.
+    """
+    plane, start = situation.origin or PLACE, situation.start or START
+    rows = []
+    for number, ship in enumerate((situation.own, *situation.targets), 1):
+        assert ship.track is not None
+        seconds, x, y = ship.track.T
+        # Whole seconds, as stamps have; a ship keeps its course within a step.
+        times = np.arange(0, int(seconds[-1]) + 1, AIS_SECONDS)
+        steps = np.searchsorted(seconds, times, side="right").clip(max=len(seconds) - 1) - 1
+        latitudes, longitudes = plane.to_degrees(np.interp(times, seconds, x), np.interp(times, seconds, y))
+        speeds = np.hypot(np.diff(x), np.diff(y)) / np.diff(seconds) / KNOT
+        courses = np.degrees(np.arctan2(np.diff(x), np.diff(y))).round(1) % 360.0
+        for second, latitude, longitude, step in zip(
+            times.tolist(), latitudes, longitudes, steps, strict=True
+        ):
+            stamp = (start + timedelta(seconds=second)).strftime("%Y-%m-%d %H:%M:%S")
+            place = f"{longitude:.6f},{latitude:.6f},{speeds[step]:.1f},{courses[step]:.1f}"
+            rows.append((second, number, f"{FIRST_MMSI + number},{stamp},{place},,,,,,0,,,,,A"))
+    return "\n".join((AIS_COLUMNS, *(row for _, _, row in sorted(rows)), ""))

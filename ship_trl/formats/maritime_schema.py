@@ -17,7 +17,7 @@ from pydantic import AliasChoices, AliasPath, Field
 
 from ship_trl.config.bounds import KNOT
 from ship_trl.config.schema import read_as
-from ship_trl.formats.situation import MAX_LATITUDE, Plane, Ship, Situation, course_to, notes_on
+from ship_trl.formats.situation import MAX_LATITUDE, PLACE, Plane, Ship, Situation, course_to, notes_on
 
 SCHEMA_VERSION = "0.2.0"
 
@@ -121,7 +121,7 @@ def write_situation(situation: Situation) -> str:
 
     A track becomes waypoints, one a row, with the speed of the way to each.
     """
-    plane = Plane(*(situation.origin or (0.0, 0.0)))
+    plane = situation.origin or PLACE
     own, *targets = (
         write_ship(ship, number, plane) for number, ship in enumerate((situation.own, *situation.targets), 1)
     )

@@ -1,7 +1,7 @@
 """A situation: an encounter of another tool, in the units of the sea.
 
 Metres on a plane that touches the earth at own ship's start, x east and y north; courses in degrees clockwise
-from north; m/s; seconds. `ship_trl.formats.suites` makes cases of the simulator's size of them.
+from north; m/s; seconds. `ship_trl.foreign.suites` makes cases of the simulator's size of them.
 """
 
 from __future__ import annotations
@@ -9,7 +9,7 @@ from __future__ import annotations
 import math
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, field
-from datetime import datetime
+from datetime import UTC, datetime
 from itertools import pairwise
 from typing import Any, NamedTuple
 
@@ -51,6 +51,10 @@ class Plane(NamedTuple):
         """Return latitude and longitude (degrees) of x and y (m), also of arrays."""
         east, north = metres_per_degree(self.latitude)
         return self.latitude + y / north, (self.longitude + x / east + 180.0) % 360.0 - 180.0
+
+
+# Of what is written, where a scene has no place and time.
+PLACE, START = Plane(0.0, 0.0), datetime(2025, 1, 1, tzinfo=UTC)
 
 
 @dataclass(frozen=True)

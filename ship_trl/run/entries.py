@@ -22,7 +22,7 @@ from ship_trl.config.schema import read_as
 from ship_trl.config.types import Changes, Perturbation, Situations, World, plain
 from ship_trl.files.record import RESULT
 from ship_trl.files.untrusted import read_changes
-from ship_trl.formats.suites import load_suite
+from ship_trl.foreign.suites import load_suite
 from ship_trl.policies.pretrained import PRETRAINED, Pretrained, find, is_pretrained, networks
 from ship_trl.policies.registry import Entry, kind_of
 from ship_trl.run.plan import read_settings

@@ -30,7 +30,7 @@ from ship_trl.files.curve import RunError
 from ship_trl.files.disk import atomic_write, remove
 from ship_trl.files.record import RESULT, RunRecord, read_run
 from ship_trl.files.untrusted import read_yaml
-from ship_trl.formats.suites import load_suite
+from ship_trl.foreign.suites import load_suite
 from ship_trl.learn.settings import TEACHERS
 from ship_trl.policies.demonstrations import Demonstration, read_demonstrations
 from ship_trl.policies.pretrained import PRETRAINED, REWARD_SCALE, Pretrained, find, is_pretrained, networks

@@ -18,7 +18,7 @@ from ship_trl.files.curve import RunError
 from ship_trl.files.disk import read_file
 from ship_trl.files.record import RESULT, RunRecord, read_run
 from ship_trl.files.untrusted import MAX_YAML_BYTES, read_yaml
-from ship_trl.formats.suites import holds_situations, is_known
+from ship_trl.foreign.suites import holds_situations, is_known
 from ship_trl.run.plan import DAMAGED, flatten
 from ship_trl.transfer.casebase import CONFIG
 

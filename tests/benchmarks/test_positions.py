@@ -7,8 +7,8 @@ import pytest
 
 from benchmarks import positions
 from ship_trl.config.bounds import KNOT
+from ship_trl.foreign.tracks import resample
 from ship_trl.formats.ais import read_table
-from ship_trl.formats.tracks import resample
 
 
 def test_a_table_has_its_rows_and_ships_go_as_it_says(

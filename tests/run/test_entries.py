@@ -13,8 +13,8 @@ from ship_trl.config.types import Perturbation, Situations
 from ship_trl.run import entries
 from ship_trl.run.entries import find_entries
 from ship_trl.sim.cases import load_world
+from tests.foreign.test_suites import OWN, save
 from tests.formats.test_maritime_schema import ship, situation
-from tests.formats.test_suites import OWN, save
 
 
 @pytest.fixture

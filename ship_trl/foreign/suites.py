@@ -1,12 +1,7 @@
-"""A file or folder of other tools as a suite: each of its situations is a case of the simulator's size.
-
-Two factors carry a situation over: lengths by the safe distance, speeds by own ship's. Time follows from
-both. Angles, classes of encounter, and ratios of speeds and of lengths stay as they are.
-"""
+"""A file or folder of other tools as a suite: each of its situations is a case of the simulator's size."""
 
 from __future__ import annotations
 
-import math
 import os
 import re
 from collections import Counter, defaultdict
@@ -17,44 +12,33 @@ from functools import cache
 from itertools import chain, count
 from pathlib import Path
 
-import numpy as np
 from yaml import YAMLError
 
-from ship_trl.config.bounds import KNOT, MAX_DISTANCE, NAUTICAL_MILE
+from ship_trl.config.bounds import KNOT, NAUTICAL_MILE
 from ship_trl.config.errors import ConfigError, counted, print_error
 from ship_trl.config.paths import stem
 from ship_trl.config.schema import read_as
 from ship_trl.config.types import Changes, Perturbation, Situations, Targets, Traffic, World, plain
 from ship_trl.files.disk import read_file, read_json
 from ship_trl.files.untrusted import MAX_YAML_BYTES, read_yaml
+from ship_trl.foreign.cases import UNNAMED, to_case
 from ship_trl.formats.maritime_schema import read_situation
 from ship_trl.formats.ntnu import read_scenario
-from ship_trl.formats.situation import Ship, Situation
+from ship_trl.formats.situation import Situation
 from ship_trl.sim import cases
-from ship_trl.sim.cases import Case, RecordedShip, Suite, TargetShip
-from ship_trl.sim.scale import Scale
+from ship_trl.sim.cases import Case, RecordedShip, Suite
 
-# Not in the name of a folder or file.
-UNNAMED = re.compile(r"[^\w.-]+")
 # A situation of three ships has 5,000 bytes.
 MAX_JSON_BYTES = 1_000_000
 # Reasons of refusals that the closing line names.
 MAX_REASONS = 3
 # Scenes that a refusal names.
 MAX_NAMES = 8
-# Of the way that own ship can go straight on in the time of an episode: the rest is for a detour.
-USED = 0.7
-# What stands for the ideal path, which nobody knows.
-FOREIGN = "unknown"
-# Where a file has no goal: metres ahead, as in the paper's cases.
-GOAL_AHEAD = 600.0
 # Metres around own ship in which other ships of AIS traffic belong to an encounter: the network's view.
 WINDOW = 640.0
 # An encounter as the scores of the rules count it: safe distances of DCPA, seconds of TCPA, safe distances.
 # Below `SOONEST` seconds of TCPA, 4 minutes at 12 knots, a track that begins leaves no time to act.
 ONSET, ONSET_TIME, SOONEST, CLEAR, USUAL_KNOTS = 4 / 3, 30.0, 8.0, 2.0, 12.0
-# A faster target ship is told: networks were trained with up to 1.5.
-MAX_RATIO = 2.5
 SUFFIXES = (".json", ".yaml", ".yml", ".csv", ".zip", ".zst", ".nmea", ".txt", ".log")
 DEFAULT = Situations()
 # What there is to know is said once a process.
@@ -259,7 +243,8 @@ def read_traffic(
     Raises:
         ValueError: it has no position of a ship, or courses contradict positions.
     """
-    from ship_trl.formats import ais, nmea, tracks
+    from ship_trl.foreign import tracks
+    from ship_trl.formats import ais, nmea
 
     fixes = nmea.read_nmea(file) if re.search(rb"[!$]..VD[MO],", head) else ais.read_table(file)
     if not len(fixes.ship):
@@ -286,68 +271,3 @@ def read_traffic(
             str(file)
         )
     yield from found.situations
-
-
-def to_case(situation: Situation, world: World, reading: Situations, notes: list[str]) -> Case:
-    """Return a situation as a case, with its scale; what people should know is added to `notes`.
-
-    Raises:
-        ValueError: it has too many target ships, or one that starts too near or too far away.
-    """
-    straight, _ = world.actions[world.straight_action]
-    scale = Scale(
-        reading.safe * NAUTICAL_MILE / world.safe_distance,
-        situation.own.speed / straight,
-        "" if situation.start is None else situation.start.isoformat(sep=" ", timespec="seconds"),
-        situation.origin,
-    )
-    if len(situation.targets) > cases.MAX_TARGET_SHIPS:
-        raise ValueError(f"has {len(situation.targets)} target ships; allowed: {cases.MAX_TARGET_SHIPS}")
-    ships: list[TargetShip] = []
-    for number, ship in enumerate(situation.targets, 1):
-        away = math.hypot(ship.x, ship.y) / NAUTICAL_MILE
-        farthest = MAX_DISTANCE * scale.length / NAUTICAL_MILE
-        if not reading.safe <= away <= farthest:
-            allowed = f"the safe distance of {reading.safe:g} NM (situations.safe) to {farthest:.0f} NM"
-            raise ValueError(f"target ship {number} starts {away:.2f} NM from own ship; allowed: {allowed}")
-        speed = ship.speed / scale.speed
-        start = ship.x / scale.length, ship.y / scale.length, cases.to_heading(ship.course), speed
-        if reading.targets is Targets.replay and ship.track is not None:
-            ships.append(RecordedShip(*start, path=path_of(ship, scale, world)))
-        else:
-            ships.append(TargetShip(*start))
-        if speed > MAX_RATIO * straight:
-            notes.append(f"a target ship is more than {MAX_RATIO:g} times as fast as own ship")
-    if not ships:
-        notes.append("a situation has no target ship")
-    course = math.radians(situation.own.course)
-    x, y = situation.goal or (math.sin(course), math.cos(course))
-    # As far as own ship gets with some steps left for a detour; without a goal, as in the paper's cases.
-    most = USED * (straight * world.dt * world.max_steps + world.goal_distance)
-    away = math.hypot(x, y)
-    distance = GOAL_AHEAD if situation.goal is None else min(away / scale.length, most)
-    if situation.goal is not None and away / scale.length > most:
-        notes.append("own ship's goal lies farther away than an episode lasts; it is moved nearer")
-    goal = [x / away * distance, y / away * distance]
-    name = re.sub(UNNAMED, "_", situation.name)[:80]
-    return Case(
-        [0.0, 0.0],
-        cases.to_heading(situation.own.course),
-        goal,
-        FOREIGN,
-        ships,
-        name,
-        scale,
-        path_of(situation.own, scale, world),
-    )
-
-
-def path_of(ship: Ship, scale: Scale, world: World) -> tuple[tuple[float, float], ...]:
-    """Return where a ship was (m, of the simulator's size) after each step, as long as its track is known."""
-    if ship.track is None:
-        return ()
-    seconds, x, y = ship.track.T
-    times = np.arange(1, world.max_steps + 1) * world.dt * scale.time
-    times = times[times <= seconds[-1]]
-    places = np.stack((np.interp(times, seconds, x), np.interp(times, seconds, y)), -1) / scale.length
-    return tuple((float(east), float(north)) for east, north in places)

@@ -13,10 +13,9 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from ship_trl.config.bounds import KNOT
-from ship_trl.formats.ais import sort_fixes, table_parts
+from ship_trl.formats.ais import sort_fixes, table_parts, write_ais
 from ship_trl.formats.maritime_schema import read_situation, write_situation
 from ship_trl.formats.situation import Plane, Ship, Situation
-from ship_trl.formats.write import write_ais
 
 SHIPS = st.lists(
     st.tuples(st.floats(-1e4, 1e4), st.floats(-1e4, 1e4), st.floats(0, 359.9), st.floats(0.5, 25)),

@@ -13,9 +13,9 @@ from hypothesis import strategies as st
 
 from ship_trl.config.bounds import KNOT
 from ship_trl.config.types import OwnShip
-from ship_trl.formats import tracks as tracks_module
+from ship_trl.foreign import tracks as tracks_module
+from ship_trl.foreign.tracks import Found, Limits, find_encounters, resample
 from ship_trl.formats.ais import read_frame
-from ship_trl.formats.tracks import Found, Limits, find_encounters, resample
 from tests.formats.traffic import (
     CROSSING,
     HEAD_ON,

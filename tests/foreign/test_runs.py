@@ -7,8 +7,8 @@ from pathlib import Path
 import pytest
 
 from tests.command import SMOKE, ship_trl
+from tests.foreign.test_suites import OWN, save
 from tests.formats.test_maritime_schema import ship, situation
-from tests.formats.test_suites import OWN, save
 
 
 @pytest.mark.long

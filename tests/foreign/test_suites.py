@@ -13,8 +13,8 @@ import pytest
 from ship_trl.config.bounds import KNOT, NAUTICAL_MILE
 from ship_trl.config.errors import ConfigError
 from ship_trl.config.types import OwnShip, Perturbation, Situations, Targets
+from ship_trl.foreign.suites import is_foreign, load_suite, read_cases
 from ship_trl.formats.maritime_schema import read_situation
-from ship_trl.formats.suites import is_foreign, load_suite, read_cases
 from ship_trl.sim import cases
 from ship_trl.sim.cases import RecordedShip, load_world, to_heading
 from tests.command import ship_trl

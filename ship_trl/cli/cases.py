@@ -80,7 +80,10 @@ def main(arguments: list[str] | None = None) -> None:
             given = target.name if is_suite(names[0]) else names[0]
             sources = [case for case in readable_cases(world) if case.fingerprint != target.fingerprint]
             known = [] if options.measured is None else read_transfers(options.measured)
-            words = [override("target", given), *(word for word in options.words if "target=" not in word)]
+            words = [
+                override("target", given),
+                *(word for word in options.words if not word.startswith("target=")),
+            ]
             show_ranking(target, words, sources, world, options.by, CaseBase(options.case_base))
             show_expected(target, words, sources, world, options.case_base / PLANS)
             show_measured(target, given, transfers_to(target, known, sources))

@@ -211,9 +211,9 @@ def read_cases(name: str, world: World, reading: Situations = DEFAULT) -> Report
     for number, ship in enumerate(recorded):
         ship.number = number
     if not report.cases:
-        line = report.lines(world)[-1]
+        told = "; ".join(report.lines(world))
         raise ConfigError(
-            report.refused[0] if len(report.refused) == 1 else f"{name}: no scene is left; {line}"
+            report.refused[0] if len(report.refused) == 1 else f"{name}: no scene is left; {told}"
         )
     return report
 
@@ -248,7 +248,10 @@ def read_traffic(
 
     fixes = nmea.read_nmea(file) if re.search(rb"[!$]..VD[MO],", head) else ais.read_table(file)
     if not len(fixes.ship):
-        raise ValueError("has no row with a ship's MMSI (2 to 7 first, nine digits), a time and a position")
+        raise ValueError(
+            "has no row of a ship with an MMSI (2 to 7 first, nine digits), class A or B where classes stand, "
+            "a time, and a position with decimal points"
+        )
     if not tracks.follow_courses(fixes):
         raise ValueError("most courses contradict the positions; are latitude and longitude swapped?")
     length = reading.safe * NAUTICAL_MILE / world.safe_distance
@@ -262,6 +265,9 @@ def read_traffic(
     found = tracks.find_encounters(fixes, limits, reading.own, reading.ships)
     report.counts["pair"] += found.pairs
     report.counts["encounter"] += found.encounters
+    if not found.encounters:
+        limit = f"a DCPA below {limits.dcpa / NAUTICAL_MILE:.2f} NM in {limits.tcpa / 60:.0f} minutes or less"
+        report.notes[f"has no encounter, which is {limit} (situations.safe scales both)"].append(str(file))
     if found.slow:
         report.counts["whose own ship makes less than 3 knots"] += found.slow
     if found.late:

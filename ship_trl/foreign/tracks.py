@@ -42,7 +42,8 @@ class Limits(NamedTuple):
     """When an encounter begins and ends: metres, seconds; see `ship_trl.sim.encounter.Encounters`.
 
     Tracks are kept for the time in which own ship goes `way` metres: that of an episode. An encounter that is
-    first seen with a TCPA below `soonest` is left out: where a track begins there, nobody could act in time.
+    first seen with a TCPA below `soonest` is left out: a track begins or a ship turns so late that nobody
+    could act in time.
     """
 
     dcpa: float

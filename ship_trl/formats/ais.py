@@ -174,7 +174,9 @@ def table_parts(file: IO[bytes], path: Path) -> Iterator[Fixes]:
         first, rows = number, piece
         if not kinds:
             heading, _, rows = piece.partition(b"\n")
-            header = heading.decode("utf-8-sig", errors="replace")
+            header = heading.decode("utf-8-sig", errors="replace").rstrip("\r")
+            if "\r" in header:
+                raise ConfigError(f"{path}: its lines end with CR alone; allowed: LF, CR LF")
             delimiter, first = max(",;\t", key=header.count), 2
             names = header.split(delimiter)
             kinds = find_columns(names, str(path))

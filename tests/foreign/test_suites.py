@@ -131,8 +131,16 @@ def test_exchanged_columns_and_no_positions_are_refused(tmp_path: Path) -> None:
     with pytest.raises(ConfigError, match=r"swapped\.csv: .* are latitude and longitude swapped\?"):
         read_cases(str(tmp_path / "swapped.csv"), WORLD)
     danish(rows).assign(MMSI=1).to_csv(tmp_path / "buoys.csv", index=False)
-    with pytest.raises(ConfigError, match=r"buoys\.csv: has no row with a ship's MMSI"):
+    with pytest.raises(ConfigError, match=r"buoys\.csv: has no row of a ship with an MMSI"):
         read_cases(str(tmp_path / "buoys.csv"), WORLD)
+
+
+def test_traffic_without_an_encounter_is_refused_with_what_one_is(tmp_path: Path) -> None:
+    apart = [CROSSING[0], CROSSING[0]._replace(x=3000.0)]
+    name = str(write(tmp_path / "quiet.csv", make(apart), "danish"))
+    limit = "a DCPA below 0.40 NM in 15 minutes or less"
+    with pytest.raises(ConfigError, match=f"has no encounter, which is {limit} .*; 1 pair, 0 encounters"):
+        read_cases(name, WORLD)
 
 
 def test_a_recorded_scene_is_the_same_alone_and_in_a_folder(tmp_path: Path) -> None:

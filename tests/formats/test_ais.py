@@ -100,6 +100,16 @@ def test_rows_in_any_order_give_the_same_fixes(order: list[int], kind: str) -> N
         np.testing.assert_array_equal(one, other)
 
 
+def test_lines_that_end_with_cr_and_lf_are_read_and_with_cr_alone_refused(tmp_path: Path) -> None:
+    path = write(tmp_path / "a.csv", ROWS, "danish")
+    whole, text = read_table(path), path.read_bytes()
+    path.write_bytes(text.replace(b"\n", b"\r\n"))
+    same(read_table(path), whole)
+    path.write_bytes(text.replace(b"\n", b"\r"))
+    with pytest.raises(ConfigError, match="its lines end with CR alone; allowed: LF, CR LF"):
+        read_table(path)
+
+
 @pytest.mark.parametrize("packed", [False, True])
 def test_a_line_without_an_end_is_refused_by_its_number(packed: bool, tmp_path: Path) -> None:
     path, line = write(tmp_path / "a.csv", ROWS, "danish"), "a" * 10 * MAX_LINE

@@ -249,8 +249,8 @@ def read_traffic(
     fixes = nmea.read_nmea(file) if re.search(rb"[!$]..VD[MO],", head) else ais.read_table(file)
     if not len(fixes.ship):
         raise ValueError(
-            "has no row of a ship with an MMSI (2 to 7 first, nine digits), class A or B where classes stand, "
-            "a time, and a position with decimal points"
+            "has no row of a ship with an MMSI (2 to 7 first, nine digits), class A or B where classes "
+            "stand, a time, and a position with decimal points"
         )
     if not tracks.follow_courses(fixes):
         raise ValueError("most courses contradict the positions; are latitude and longitude swapped?")

@@ -58,6 +58,7 @@ def load_policy(name: str | PathLike[str], case: str | None = None, seed: int = 
     Args:
         name: a bundled network ("1", "traffic", ...); the folder of a run, whose best network is taken; or
             any policy that `python -m ship_trl evaluate` takes: a planner (vo, sb_mpc, apf), a file, ...
+            Masks may follow: "traffic+shield".
         case: the case or suite that it is made for, by name or path of a YAML file; most act in any. Default:
             that of the network, else random encounters.
         seed: seed of its random numbers.
@@ -67,10 +68,13 @@ def load_policy(name: str | PathLike[str], case: str | None = None, seed: int = 
     """
     from ship_trl.config.errors import ConfigError
     from ship_trl.policies import named, pretrained
-    from ship_trl.policies.registry import kind_of
+    from ship_trl.policies.registry import kind_of, split_masks
     from ship_trl.run.entries import drop_last_networks, find_entries
 
-    word, bundled = str(name), [one.name for one in (*pretrained.networks(), *pretrained.suites())]
+    (word, masks), bundled = (
+        split_masks(str(name)),
+        [one.name for one in (*pretrained.networks(), *pretrained.suites())],
+    )
     if word in bundled:
         word = f"{pretrained.PRETRAINED}:{word}"
     elif not Path(word).is_dir() and not pretrained.is_pretrained(word):
@@ -79,6 +83,8 @@ def load_policy(name: str | PathLike[str], case: str | None = None, seed: int = 
     entries = drop_last_networks(find_entries([word, *([f"target={case}"] if case else [])], False))
     if len(entries) > 1:
         raise ConfigError(f"policy: {name} names several networks; allowed: one, as {entries[0].label}")
-    policy = named.load_policy(entries[0].policy, make_env(entries[0].suite, entries[0].world), seed)
+    policy = named.load_policy(
+        entries[0].masked(masks).policy, make_env(entries[0].suite, entries[0].world), seed
+    )
     policy.name = str(name)
     return policy

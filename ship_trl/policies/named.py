@@ -23,9 +23,10 @@ from ship_trl.learn.network import DuelingNetwork, make_network
 from ship_trl.learn.rollout import Episode, Policy, greedy_policy, rollout
 from ship_trl.policies import recorded
 from ship_trl.policies.checked import CheckedPolicy, describe
+from ship_trl.policies.masks import Masked
 from ship_trl.policies.onnx import onnx_policy
 from ship_trl.policies.pretrained import find
-from ship_trl.policies.registry import EPISODES, POLICIES, TRUSTED, Entry, Kind, kind_of
+from ship_trl.policies.registry import EPISODES, POLICIES, TRUSTED, Entry, Kind, kind_of, split_masks
 from ship_trl.policies.sb3 import sb3_policy
 from ship_trl.sim.env import ShipEnv
 from ship_trl.transfer.weights import Look, load_weights, read_look
@@ -45,6 +46,9 @@ def load_policy(name: str, env: ShipEnv, seed: int = 0) -> CheckedPolicy:
         ConfigError: there is no such policy, or its file is invalid; later, it is given what it cannot read,
             or a user's fails or writes an invalid action.
     """
+    base, masks = split_masks(name)
+    if masks:
+        return CheckedPolicy(Masked(load_policy(base, env, seed), env.world, masks), None, name)
     kind = kind_of(name)
     if kind is Kind.named:
         return CheckedPolicy(resolve_name(POLICIES[name].make)(env, seed), None, name)
@@ -163,7 +167,7 @@ def make_policy(entry: Entry, starts: Tensor, seed: int) -> tuple[ShipEnv, Polic
     # Networks draw their own pixels, and policies without training read only the state.
     kind, colour, vector_time = kind_of(entry.policy), entry.colour, 0.0
     if kind is Kind.network:
-        look = read_look(Path(entry.policy), "policy")
+        look = read_look(Path(split_masks(entry.policy)[0]), "policy")
         colour, vector_time = look.colour, look.network.vector_time
     seen: dict[str, Any] = {"colour": colour, "vector_time": vector_time, "from_pixels": kind is Kind.own}
     env = make_env(entry.suite, entry.world, **seen, starts=starts)

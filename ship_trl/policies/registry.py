@@ -36,6 +36,12 @@ POLICIES = {
         "ship_trl.policies.sb_mpc:SimulationBasedMPC", "simulation-based predictive control (Johansen et al.)"
     ),
     "apf": Named("ship_trl.policies.apf:apf", "artificial potential field (Khatib)"),
+    "manoeuvre": Named(
+        "ship_trl.policies.manoeuvres:best_return", "the held manoeuvre of the highest return"
+    ),
+    "manoeuvre_rules": Named(
+        "ship_trl.policies.manoeuvres:best_rules", "the held manoeuvre that keeps the rules best"
+    ),
 }
 ALLOWED = f"{', '.join(POLICIES)}, {PRETRAINED}, a safetensors or ONNX file, or file.py:function"
 
@@ -50,6 +56,24 @@ FILES = {".safetensors": Kind.network, ".onnx": Kind.onnx, ".zip": Kind.sb3}
 # Before a file of Stable-Baselines3: its pickles may run.
 TRUSTED = "trusted:"
 
+# Behind a policy, each with a + before it; see `policies.masks`.
+MASKS = ("rules", "shield")
+
+
+def split_masks(name: str) -> tuple[str, tuple[str, ...]]:
+    """Split a policy's word into the policy and the names of its masks: "vo+rules+shield".
+
+    Raises:
+        ConfigError: a mask is named twice.
+    """
+    masks = list[str]()
+    while (found := name.rpartition("+"))[2] in MASKS:
+        name = found[0]
+        if found[2] in masks:
+            raise ConfigError(f"policy: {name}+{found[2]}: {found[2]} is given twice; allowed: once")
+        masks.insert(0, found[2])
+    return name, tuple(masks)
+
 
 def kind_of(name: str, more: Sequence[str] = ()) -> Kind:
     """Return what a word for a policy is; `more` are words that messages allow too.
@@ -57,6 +81,7 @@ def kind_of(name: str, more: Sequence[str] = ()) -> Kind:
     Raises:
         ConfigError: it is none, the file is missing, or it needs `TRUSTED` before it.
     """
+    name, _ = split_masks(name)
     if name in POLICIES:
         return Kind.named
     if is_pretrained(name):
@@ -85,11 +110,18 @@ class Entry:
     colour: bool
     claimed: float | None = None
 
+    def masked(self, masks: Sequence[str]) -> Entry:
+        """Return the same policy with masks, of which no return is claimed."""
+        if not masks:
+            return self
+        behind = "".join(f"+{mask}" for mask in masks)
+        return replace(self, policy=self.policy + behind, label=self.label + behind, claimed=None)
+
     @property
     def draws(self) -> bool:
         """Whether two episodes of a case may differ: by their starts, or by a policy that draws."""
         kind = kind_of(self.policy)
-        draws = POLICIES[self.policy].draws if kind is Kind.named else kind is Kind.own
+        draws = POLICIES[split_masks(self.policy)[0]].draws if kind is Kind.named else kind is Kind.own
         return self.suite.is_drawn or draws
 
 

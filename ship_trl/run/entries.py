@@ -24,7 +24,7 @@ from ship_trl.files.record import RESULT
 from ship_trl.files.untrusted import read_changes
 from ship_trl.foreign.suites import load_suite
 from ship_trl.policies.pretrained import PRETRAINED, Pretrained, find, is_pretrained, networks
-from ship_trl.policies.registry import Entry, kind_of
+from ship_trl.policies.registry import Entry, kind_of, split_masks
 from ship_trl.run.plan import read_settings
 from ship_trl.run.results import collect, locate
 from ship_trl.sim.cases import Suite, load_world
@@ -40,6 +40,8 @@ def find_entries(words: list[str], colour: bool) -> list[Entry]:
     # A path may contain an equals sign, for example seed=0.
     names = [w for w in words if not re.match(r"[\w.]+=", w) or Path(w.rpartition(":")[0] or w).exists()]
     given = find_targets([word for word in words if word not in names])
+    split = [split_masks(name) for name in names]
+    names = [name for name, _ in split]
     if not names:
         raise ConfigError("policy: none given; for example pretrained:traffic; --help lists all")
     folders = [name for name in names if not is_pretrained(name) and Path(name).is_dir()]
@@ -50,17 +52,18 @@ def find_entries(words: list[str], colour: bool) -> list[Entry]:
     labels = Counter(label for runs in trained.values() for label in {one.label for one in runs})
     world = next(iter(trained.values()))[0].world if trained else given.world
     targets, entries = given.suites(world), list[Entry]()
-    for name in names:
+    for name, masks in split:
         if is_pretrained(name):
-            entries += bundled_entries(name, targets, world, given.changes.perturbation)
+            found = bundled_entries(name, targets, world, given.changes.perturbation)
         elif name in trained:
-            entries += [
+            found = [
                 replace(one, label=f"{name}: {one.label}") if labels[one.label] > 1 else one
                 for one in trained[name]
             ]
         else:
             own = targets or list({one.suite.fingerprint: one.suite for one in entries}.values())
-            entries += named_entries(name, own, world, colour)
+            found = named_entries(name, own, world, colour)
+        entries += [one.masked(masks) for one in found]
     given.check_reading([entry.suite for entry in entries])
     return entries
 
@@ -201,7 +204,7 @@ def folder_entries(folder: Path, given: Given) -> list[Entry]:
 
 def drop_last_networks(entries: list[Entry]) -> list[Entry]:
     """Drop the last network of each result folder, but keep files that the command line names."""
-    best = [e for e in entries if e.label == e.policy or Path(e.policy).name != POLICY_LAST]
+    best = [e for e in entries if e.label == e.policy or Path(split_masks(e.policy)[0]).name != POLICY_LAST]
     if not best:
         raise ConfigError(f"policy: {entries[0].policy} is a last network; {POLICY} is missing")
     return best

@@ -1,0 +1,98 @@
+"""Action masks, laid on any policy: `POLICY+rules`, `POLICY+shield`, `POLICY+rules+shield`.
+
+`rules` forbids port turns while own ship meets a ship head-on, gives way or overtakes, and any change while
+it must only stand on, until the other ship is near (stage 4 of `policies.metrics`). It is released where no
+allowed action leads to the goal. `shield` takes only actions behind which a held manoeuvre reaches the goal
+by the simulator's prediction, in which target ships hold course and speed; the manoeuvre found last stays
+among them, so that one that is found is kept. Where there was none, the policy's own action is taken.
+"""
+
+from __future__ import annotations
+
+import torch
+from tensordict import TensorDictBase
+from torch import Tensor
+
+from ship_trl.config.types import World
+from ship_trl.learn.rollout import Policy
+from ship_trl.policies.manoeuvres import Manoeuvres
+from ship_trl.policies.metrics import COLLISION, STAGE4
+from ship_trl.sim.encounter import Encounter, Encounters, are_ruled, relative_motion
+from ship_trl.sim.state import STEP
+
+# How much a rate of turn counts beside a speed, where a policy has no values: 0.1 rad/s as 10 m/s.
+TURN_WEIGHT = 100.0
+
+
+class RulesMask:
+    """Says which actions the steering rules leave: `mask(state)` maps states [N, S] to bool [N, A].
+
+    It remembers the encounters of each row; step 0 begins a new episode.
+    """
+
+    def __init__(self, world: World) -> None:
+        safe = world.safe_distance
+        # As the scores of the rules count encounters.
+        self.encounters = Encounters(safe * 4 / 3, 30.0, 2 * safe)
+        self.near = STAGE4 * safe / COLLISION
+        turn = torch.tensor(world.actions)[:, 1]
+        self.to_port, self.straight = turn > 0, torch.arange(len(turn)) == world.straight_action
+
+    def __call__(self, state: Tensor) -> Tensor:
+        """Return the allowed actions."""
+        motion = relative_motion(state)
+        ruled = motion._replace(dcpa=motion.dcpa.masked_fill(~are_ruled(state, motion), torch.inf))
+        classes = self.encounters.update(state, ruled)
+        keeps_clear = (
+            (classes == Encounter.HEAD_ON)
+            | (classes == Encounter.GIVE_WAY)
+            | (classes == Encounter.OVERTAKING)
+        ).any(-1, keepdim=True)
+        stands_on = (classes == Encounter.STAND_ON) | (classes == Encounter.OVERTAKEN)
+        stays = (stands_on & (motion.distance > self.near)).any(-1, keepdim=True) & ~keeps_clear
+        return ~(keeps_clear & self.to_port) & (~stays | self.straight)
+
+
+class Masked:
+    """A policy whose actions are restricted: it reads `state` [N, S] and writes `action`.
+
+    Its first wish is the policy's action; then come others by `action_value`, or by likeness to that action.
+
+    Args:
+        policy: writes `action`, and perhaps `action_value` [N, A].
+        world: its actions and physics.
+        masks: names of `registry.MASKS`.
+    """
+
+    def __init__(self, policy: Policy, world: World, masks: tuple[str, ...]) -> None:
+        self.policy, self.actions = policy, torch.tensor(world.actions)
+        self.rules = RulesMask(world) if "rules" in masks else None
+        self.is_shielded = "shield" in masks
+        self.manoeuvres = Manoeuvres(world)
+        self.plans = torch.empty(0, 3, dtype=torch.int64)
+
+    def __call__(self, step: TensorDictBase) -> TensorDictBase:
+        """Write `action` for the states of a batch."""
+        state, step = step["state"], self.policy(step)
+        own = step["action"]
+        if len(self.plans) != len(state):
+            self.plans = torch.full((len(state), 3), -1)
+        plans = self.plans.masked_fill(state[:, STEP, None] == 0, -1)
+        value = step.get("action_value", None)
+        if value is None:
+            apart = (self.actions - self.actions[own][:, None]).abs()
+            value = -(apart[..., 0] + TURN_WEIGHT * apart[..., 1])
+        value = value.double().scatter(-1, own[:, None], torch.inf)
+        allowed = torch.ones_like(value, dtype=torch.bool) if self.rules is None else self.rules(state)
+        # The allowed ones first, each group by value.
+        order = value.argsort(dim=-1, descending=True, stable=True)
+        order = order.gather(
+            -1, allowed.gather(-1, order).logical_not().to(torch.int8).argsort(dim=-1, stable=True)
+        )
+        chosen, found = self.manoeuvres.choose(state, order, plans)
+        if self.is_shielded:
+            self.plans = found
+            return step.set("action", torch.where(chosen < 0, own, chosen))
+        # Released where only a forbidden action leads to the goal.
+        is_released = ~allowed.gather(-1, chosen.clamp(min=0)[:, None])[:, 0] & (chosen >= 0)
+        return step.set("action", torch.where(is_released, own, order[:, 0]))

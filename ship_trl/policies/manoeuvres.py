@@ -19,8 +19,8 @@ from torch import Tensor
 
 from ship_trl.config.types import World
 from ship_trl.fast.jit import compiled
-from ship_trl.fast.step import closest_approach, constants
-from ship_trl.sim.cases import HOLDS_COURSE
+from ship_trl.fast.step import closest_approach, constants, give_way
+from ship_trl.sim.cases import GIVES_WAY, GIVING_WAY, HOLDS_COURSE
 from ship_trl.sim.env import ShipEnv
 from ship_trl.sim.reward import POSITION_TOLERANCE
 from ship_trl.sim.starts import HOLD, STRAIGHT
@@ -100,9 +100,9 @@ class Manoeuvres:
 
 
 @compiled()
-def steer(x: float, y: float, heading: float, row: Array, actions: Array, dt: float) -> int:
-    """Return the action whose turn brings the bow nearest to the goal."""
-    off = math.atan2(row[GOAL_Y] - y, row[GOAL_X] - x) - heading
+def steer(row: Array, actions: Array, dt: float) -> int:
+    """Return the action whose turn brings the bow nearest to the goal in a state [S]."""
+    off = math.atan2(row[GOAL_Y] - row[Y], row[GOAL_X] - row[X]) - row[HEADING]
     off -= 2 * math.pi * math.floor((off + math.pi) / (2 * math.pi))
     best = 0
     for k in range(actions.shape[0]):
@@ -112,14 +112,61 @@ def steer(x: float, y: float, heading: float, row: Array, actions: Array, dt: fl
 
 
 @compiled()
-def arrives(row: Array, first: int, plan: Array, actions: Array, constants: Array, straight: int) -> bool:
-    """Return whether an action and then a manoeuvre [3] reach the goal, clear of ships that hold course.
+def keeps_clear(
+    row: Array, now: Array, t: int, place: int, new: tuple[float, float], constants: Array, reacting: bool
+) -> bool:
+    """Return whether own ship's step from `now` to a place keeps clear of a ship; move the ship in `now`.
 
-    `row` is a state [S], `constants` are those of `fast.step`.
+    A ship that is giving way goes on. Another one holds course; if `reacting`, own ship must also keep clear
+    of it if it gives way. `row` [S] is the state `t` steps ago, `now` [S] has ships that give way, `place` is
+    where the ship's numbers begin.
     """
-    dt, safe, goal_distance, max_steps = constants[:4]
+    dt, safe = constants[:2]
+    tcpa, dcpa, rule_turn = constants[8:]
+    ship, way = row[place:], row[place + SHIP_SPEED] * dt
+    is_giving = ship[SHIP_BEHAVIOUR] == GIVING_WAY
+    if not is_giving:
+        east, north = way * math.cos(ship[SHIP_HEADING]), way * math.sin(ship[SHIP_HEADING])
+        x, y = ship[SHIP_X] + t * east, ship[SHIP_Y] + t * north
+        if closest_approach(x - now[X], y - now[Y], x + east - new[0], y + north - new[1]) < safe:
+            return False
+    if not (is_giving or reacting):
+        return True
+    ship = now[place:]
+    course, behaviour = give_way(now, place, tcpa, dcpa, rule_turn)
+    x, y = ship[SHIP_X], ship[SHIP_Y]
+    east, north = way * math.cos(course), way * math.sin(course)
+    ship[SHIP_X], ship[SHIP_Y], ship[SHIP_HEADING], ship[SHIP_BEHAVIOUR] = (
+        x + east,
+        y + north,
+        course,
+        behaviour,
+    )
+    nearest = closest_approach(x - now[X], y - now[Y], x + east - new[0], y + north - new[1])
+    return bool(nearest >= safe)
+
+
+@compiled()
+def arrives(
+    row: Array, first: int, plan: Array, actions: Array, constants: Array, straight: int, reacting: bool
+) -> bool:
+    """Return whether an action and then a manoeuvre [3] reach the goal in time, clear of target ships.
+
+    Args:
+        row: a state [S].
+        first: the action.
+        plan: the manoeuvre.
+        actions: speed (m/s) and rate of turn (rad/s) of each action [A, 2].
+        constants: those of `fast.step`.
+        straight: the action that goes straight on.
+        reacting: whether to keep clear of ships that hold course also if they give way.
+    """
+    dt, _, goal_distance, max_steps = constants[:4]
     left_speed, left_turn, mean_speed, mean_turn = constants[4:8]
-    x, y, heading, speed, turn = row[X], row[Y], row[HEADING], row[SPEED], row[YAW_RATE]
+    now = row.copy()
+    for k in range(int(row[SHIP_COUNT])):
+        behaviour = OWN_SIZE + SHIP_SIZE * k + SHIP_BEHAVIOUR
+        now[behaviour] = max(now[behaviour], GIVES_WAY)
     for t in range(int(max_steps - row[STEP])):
         if t == 0:
             action = first
@@ -128,23 +175,18 @@ def arrives(row: Array, first: int, plan: Array, actions: Array, constants: Arra
         elif t <= plan[1] + plan[2]:
             action = straight
         else:
-            action = steer(x, y, heading, row, actions, dt)
-        wanted_speed, wanted_turn = actions[action, 0], actions[action, 1]
-        speed_lag, turn_lag = speed - wanted_speed, turn - wanted_turn
-        heading += (wanted_turn + turn_lag * mean_turn) * dt
-        way = (wanted_speed + speed_lag * mean_speed) * dt
-        new_x, new_y = x + way * math.cos(heading), y + way * math.sin(heading)
-        speed, turn = wanted_speed + speed_lag * left_speed, wanted_turn + turn_lag * left_turn
+            action = steer(now, actions, dt)
+        speed, turn = actions[action, 0], actions[action, 1]
+        speed_lag, turn_lag = now[SPEED] - speed, now[YAW_RATE] - turn
+        heading = now[HEADING] + (turn + turn_lag * mean_turn) * dt
+        way = (speed + speed_lag * mean_speed) * dt
+        new = now[X] + way * math.cos(heading), now[Y] + way * math.sin(heading)
         for k in range(int(row[SHIP_COUNT])):
-            ship = row[OWN_SIZE + SHIP_SIZE * k :]
-            ship_way, course = ship[SHIP_SPEED] * dt, ship[SHIP_HEADING]
-            east, north = ship_way * math.cos(course), ship_way * math.sin(course)
-            ship_x, ship_y = ship[SHIP_X] + t * east, ship[SHIP_Y] + t * north
-            ends = ship_x + east - new_x, ship_y + north - new_y
-            if closest_approach(ship_x - x, ship_y - y, ends[0], ends[1]) < safe:
+            if not keeps_clear(row, now, t, OWN_SIZE + SHIP_SIZE * k, new, constants, reacting):
                 return False
-        x, y = new_x, new_y
-        if math.hypot(row[GOAL_X] - x, row[GOAL_Y] - y) <= goal_distance:
+        now[X], now[Y], now[HEADING] = new[0], new[1], heading
+        now[SPEED], now[YAW_RATE] = speed + speed_lag * left_speed, turn + turn_lag * left_turn
+        if math.hypot(row[GOAL_X] - new[0], row[GOAL_Y] - new[1]) <= goal_distance:
             return True
     return False
 
@@ -156,7 +198,7 @@ def begin(row: Array, plan: Array, actions: Array, dt: float, straight: int, res
     if plan[1] > 0:
         return plan[0]
     rest[2] = max(0, plan[2] - 1)
-    return straight if plan[2] > 0 else steer(row[X], row[Y], row[HEADING], row, actions, dt)
+    return straight if plan[2] > 0 else steer(row, actions, dt)
 
 
 @compiled()
@@ -180,16 +222,20 @@ def choose_actions(
         for p in range(count + 1):
             plan = table[p - 1] if p else plans[n]
             first[p] = begin(row, plan, actions, constants[0], straight, rest[p])
-        chosen[n] = -1
-        for a in order[n]:
-            for p in range(int(plans[n, 0] < 0), 2 * count + 1):
-                fits = p > count or first[p] == a
-                if fits and arrives(row, a, rest[p], actions, constants, straight):
-                    chosen[n], plans[n] = a, rest[p]
+        chosen[n], had_plan = -1, plans[n, 0] >= 0
+        # Best clear of ships whatever they do.
+        for reacting in (True, False):
+            for a in order[n]:
+                for p in range(1 - had_plan, 2 * count + 1):
+                    fits = p > count or first[p] == a
+                    if fits and arrives(row, a, rest[p], actions, constants, straight, reacting):
+                        chosen[n], plans[n] = a, rest[p]
+                        break
+                if chosen[n] >= 0:
                     break
             if chosen[n] >= 0:
                 break
-        if chosen[n] < 0 and plans[n, 0] >= 0:
+        if chosen[n] < 0 and had_plan:
             chosen[n], plans[n] = first[0], rest[0]
 
 

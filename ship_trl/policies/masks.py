@@ -89,10 +89,10 @@ class Masked:
         order = order.gather(
             -1, allowed.gather(-1, order).logical_not().to(torch.int8).argsort(dim=-1, stable=True)
         )
-        chosen, found = self.manoeuvres.choose(state, order, plans)
         if self.is_shielded:
-            self.plans = found
+            chosen, self.plans = self.manoeuvres.choose(state, order, plans)
             return step.set("action", torch.where(chosen < 0, own, chosen))
         # Released where only a forbidden action leads to the goal.
-        is_released = ~allowed.gather(-1, chosen.clamp(min=0)[:, None])[:, 0] & (chosen >= 0)
-        return step.set("action", torch.where(is_released, own, order[:, 0]))
+        permitted = torch.where(allowed.gather(-1, order), order, order[:, :1])
+        kept, any_of_all = (self.manoeuvres.choose(state, each, plans)[0] for each in (permitted, order))
+        return step.set("action", torch.where((kept < 0) & (any_of_all >= 0), own, order[:, 0]))

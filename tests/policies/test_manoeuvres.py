@@ -6,6 +6,7 @@ from dataclasses import replace
 
 import pytest
 import torch
+from torch import Tensor
 
 from ship_trl.config.types import World
 from ship_trl.fast.worlds import draw_starts, make_env
@@ -13,36 +14,49 @@ from ship_trl.foreign.suites import load_suite
 from ship_trl.learn.rollout import Episode, rollout
 from ship_trl.policies.manoeuvres import Manoeuvres, arrives, best_return, best_rules
 from ship_trl.policies.metrics import score_rules
-from ship_trl.sim.cases import load_world
+from ship_trl.sim.cases import GIVES_WAY, HOLDS_COURSE, load_world
+from ship_trl.sim.state import SHIP_BEHAVIOUR, target_ships
 from ship_trl.sim.transition import Transition
 
 WORLD = load_world()
 
 
+@pytest.mark.parametrize("reacting", [False, True])
 @pytest.mark.parametrize(
     "world", [WORLD, replace(WORLD, turn_time=2.0, speed_time=4.0)], ids=["paper", "lags"]
 )
-def test_the_prediction_is_what_the_simulator_does(world: World) -> None:
-    manoeuvres, transition = Manoeuvres(world), Transition(world)
+def test_the_prediction_is_what_the_simulator_does(world: World, reacting: bool) -> None:
+    manoeuvres = Manoeuvres(world)
     table, found = torch.from_numpy(manoeuvres.table), set()
-    for start in draw_starts(load_suite("traffic_dense", world), world, 6, 70):
-        state, plans = start.repeat(len(table), 1), table
-        first = torch.arange(len(table)) % len(world.actions)
+    first = torch.arange(len(table)) % len(world.actions)
+    suite = load_suite("traffic", world)
+    for start in draw_starts(suite, world, 9, 70):
+        numbers, constants = start.double().numpy(), (manoeuvres.actions, manoeuvres.constants)
         predicted = [
-            arrives(start.double().numpy(), int(a), plan, manoeuvres.actions, manoeuvres.constants, 3)
+            arrives(numbers, int(a), plan, *constants, world.straight_action, reacting)
             for a, plan in zip(first, manoeuvres.table, strict=True)
         ]
-        running, goal = torch.ones(len(table), dtype=torch.bool), torch.zeros(len(table), dtype=torch.bool)
-        for step in range(world.max_steps):
-            action, left = manoeuvres.follow(state, plans)
-            after = transition(state, first if step == 0 else action)
-            goal |= running & after.goal
-            running &= ~(after.goal | after.collision | after.truncated)
-            state, plans = after.state, plans if step == 0 else left
+        goal = sail(manoeuvres, start, first, table, HOLDS_COURSE)
+        if reacting:
+            goal &= sail(manoeuvres, start, first, table, GIVES_WAY)
         # At the edge of the safe distance float32 and float64 differ.
         assert (goal != torch.tensor(predicted)).sum() <= 1
         found |= set(predicted)
     assert found == {True, False}
+
+
+def sail(manoeuvres: Manoeuvres, start: Tensor, first: Tensor, plans: Tensor, behaviour: float) -> Tensor:
+    """Return which plans lead to the goal behind their first actions, by the simulator."""
+    transition, state = Transition(manoeuvres.world), start.repeat(len(plans), 1)
+    target_ships(state)[..., SHIP_BEHAVIOUR] = behaviour
+    running, goal = torch.ones(len(plans), dtype=torch.bool), torch.zeros(len(plans), dtype=torch.bool)
+    for step in range(manoeuvres.world.max_steps):
+        action, left = manoeuvres.follow(state, plans)
+        after = transition(state, first if step == 0 else action)
+        goal |= running & after.goal
+        running &= ~(after.goal | after.collision | after.truncated)
+        state, plans = after.state, plans if step == 0 else left
+    return goal
 
 
 @pytest.mark.parametrize("name", ["traffic", "traffic_dense"])

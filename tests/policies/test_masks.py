@@ -116,13 +116,21 @@ def test_a_shielded_policy_solves_what_a_manoeuvre_solves() -> None:
         assert all(one.goal for one in shielded)
 
 
+def test_a_shield_expects_that_ships_may_give_way() -> None:
+    suite = load_suite("traffic_reacting", WORLD)
+    env = make_env(suite, WORLD, starts=draw_starts(suite, WORLD, 60, 3000))
+    bare, shielded = (rollout(env, load_policy("pretrained:traffic" + more, env)) for more in ("", "+shield"))
+    assert sum(one.goal for one in bare) < 54 < 57 <= sum(one.goal for one in shielded)
+
+
 def test_a_shield_leaves_alone_what_leads_to_the_goal() -> None:
     suite = load_suite("traffic", WORLD)
     env = make_env(suite, WORLD, starts=draw_starts(suite, WORLD, 30, 60))
-    bare = rollout(env, load_policy("manoeuvre", env))
-    shielded = rollout(env, load_policy("manoeuvre+shield", env))
-    for one, other in zip(bare, shielded, strict=True):
-        assert one.actions.tolist() == other.actions.tolist()
+    bare = rollout(env, load_policy("manoeuvre_rules", env))
+    shielded = rollout(env, load_policy("manoeuvre_rules+shield", env))
+    same = [a.actions.tolist() == b.actions.tolist() for a, b in zip(bare, shielded, strict=True)]
+    # Others would come too near to a ship that gives way.
+    assert sum(same) > 20
 
 
 def test_masks_are_the_last_words_of_a_policy() -> None:

@@ -93,7 +93,8 @@ def add_output(parser: Parser, name: str, suffixes: Sequence[str], use: str) -> 
         path = Path(text)
         is_free = bool(path.suffix) or not path.exists() or (path.is_dir() and not any(path.iterdir()))
         require(path.suffix in suffixes and is_free, name, allowed, text)
-        require(path.absolute().parent.is_dir(), name, "in a folder that exists", text)
+        known = next(folder for folder in path.absolute().parents if folder.exists())
+        require(known.is_dir(), name, "in a folder, which is made if there is none", text)
         return path
 
     parser.add_argument(name, type=read, metavar=metavar, help=use)

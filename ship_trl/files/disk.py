@@ -69,12 +69,14 @@ def sync(path: Path) -> None:
 def atomic_write(path: Path) -> Iterator[Path]:
     """Write atomically: yield the path of a draft beside `path`, and rename it to `path` at the end.
 
+    The folder is made if there is none.
     A reader sees the old file or the whole new one; after an error only the old one is left.
     """
     # The name cannot be guessed: a link put there in advance would be written through.
     draft = path.with_name(f".{path.stem}.{secrets.token_hex(4)}{path.suffix}")
     try:
         with writing(path, draft):
+            path.parent.mkdir(parents=True, exist_ok=True)
             yield draft
             # Some writers make files that only the owner can read.
             draft.chmod(0o644)

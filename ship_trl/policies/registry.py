@@ -35,7 +35,7 @@ POLICIES = {
     "sb_mpc": Named(
         "ship_trl.policies.sb_mpc:SimulationBasedMPC", "simulation-based predictive control (Johansen et al.)"
     ),
-    "apf": Named("ship_trl.policies.apf:apf", "artificial potential field (Khatib)"),
+    "apf": Named("ship_trl.policies.apf:apf", "artificial potential field (Lyu and Yin)"),
     "manoeuvre": Named(
         "ship_trl.policies.manoeuvres:best_return", "the held manoeuvre of the highest return"
     ),

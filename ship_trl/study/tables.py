@@ -251,7 +251,7 @@ def read_groups(groups: Mapping[str, Sequence[RunRecord]]) -> Iterator[tuple[str
         for run in runs:
             try:
                 if run.best_known_return is None:
-                    raise RunError(f"{RESULT}: has no best known return, as its starts are perturbed")
+                    raise RunError(f"{RESULT}: has no best known return, as its starts are drawn")
                 yield name, with_curve(run)
             except RunError as error:
                 print_error(f"{run.folder}: {error}; left out")

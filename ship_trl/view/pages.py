@@ -36,6 +36,8 @@ MARGIN, GAP = 16, 12
 MAX_START_SIDE, PATH_SIDE = 760, 140
 # Pixels in a row of starts, and pictures in a row.
 STARTS_WIDTH, STARTS, PATHS = 1148, 4, 8
+# Smaller pictures have no labels, which would hide ships; the footer tells the scale.
+LABELLED = 300
 # Letters in pixels of names, of other captions and of the footer of a page of starts: a phone shows a third.
 NAME, CAPTION, STARTS_FOOTER = 28, 24, 22
 # Side, columns, and letters of names and of other lines, of a page of all episodes and of failures alone.
@@ -185,7 +187,7 @@ def _write_page(
                 text, size, colour = line
                 is_name = line is lines[0] and len(lines) > 1
                 at = left, down + _height(line) / 2
-                pen.write(page, pen.cut(text, side, size, is_name), at, colour, size, is_name)
+                pen.write(page, pen.cut(text, side, size, is_name, is_name), at, colour, size, is_name)
                 down += _height(line)
     for k, text in enumerate(footer):
         pen.write(page, text, (MARGIN, tops[-1] + (k + 0.5) * _leading(letters)), FAINT, letters)
@@ -224,7 +226,16 @@ def draw_start(
     """Draw a state [S] as a square of `width` metres; the way of a ship has the colour of its class."""
     telemetry, picture = still(world, state), pen.new_surface(side, side)
     ways = [scene.OWN, *(CLASSES[one][1] for one in encounter_classes(state))]
-    paint_scene(picture, telemetry, 0.0, _frame(state, side, width), ways=ways, ahead=AHEAD, sea=sea)
+    paint_scene(
+        picture,
+        telemetry,
+        0.0,
+        _frame(state, side, width),
+        ways=ways,
+        ahead=AHEAD,
+        sea=sea,
+        labels=side >= LABELLED,
+    )
     return picture
 
 
@@ -236,10 +247,14 @@ def draw_paths(
     sea: Scale | None = None,
     marks_closest: bool = False,
 ) -> pygame.Surface:
-    """Draw an episode's paths as a square of `width` metres; own ship's has the colour of the outcome."""
+    """Draw an episode's paths as a square of `width` metres; own ship's has the colour of a failure."""
     telemetry, picture = measure_episode(world, episode), pen.new_surface(side, side)
-    frame, track = _frame(episode.states[0], side, width), OUTCOMES[episode.outcome]
-    paint_scene(picture, telemetry, telemetry.steps, frame, track=track, ahead=0.0, sea=sea)
+    # Green paths are those of target ships.
+    track = scene.OWN if episode.goal else OUTCOMES[episode.outcome]
+    frame = _frame(episode.states[0], side, width)
+    paint_scene(
+        picture, telemetry, telemetry.steps, frame, track=track, ahead=0.0, sea=sea, labels=side >= LABELLED
+    )
     if marks_closest and (places := telemetry.closest_places()) is not None:
         ends = [frame.point(*place) for place in places]
         pen.polyline(picture, YELLOW, ends, 2)

@@ -138,6 +138,7 @@ def paint_scene(
     ways: Sequence[Colour] = (),
     ahead: float = VECTOR_TIME,
     sea: Scale | None = None,
+    labels: bool = True,
 ) -> None:
     """Fill a square surface with the scene at a position in steps; a small one has no words.
 
@@ -151,6 +152,7 @@ def paint_scene(
         ways: colours of the ways ahead, own ship's first; default: quiet ones.
         ahead: seconds of these ways.
         sea: the scale of a scene of another tool, shown beside the simulator's.
+        labels: whether there are words and numbers where there is room.
     """
     world, step = telemetry.world, min(int(position), telemetry.steps)
     own, ships = telemetry.at(position)
@@ -178,7 +180,8 @@ def paint_scene(
         course = np.array([math.cos(pose[HEADING]), math.sin(pose[HEADING])])
         end = pose[:2] + min(speed * ahead, MAX_VECTOR) * course
         pen.strip(picture, way, frame.point(*pose[:2]), frame.point(*end), 2.0 if ways else thin)
-    for words, box in place_labels(telemetry, position, frame, large, sea).items():
+    placed = place_labels(telemetry, position, frame, large, sea) if labels else {}
+    for words, box in placed.items():
         at = frame.point(*poses[int(words)][:2]) if words.isdecimal() else box.center
         _draw_label(picture, frame, words, box, at)
     for k, (pose, drawn) in enumerate(zip(poses, lengths, strict=True)):

@@ -78,13 +78,13 @@ def width_of(text: str, size: int, bold: bool = False) -> int:
     return font(size, bold).size(text)[0]
 
 
-def cut(text: str, width: float, size: int, bold: bool = False) -> str:
-    """Shorten a text to `width` pixels, with an ellipsis at the end."""
+def cut(text: str, width: float, size: int, bold: bool = False, keeps_end: bool = False) -> str:
+    """Shorten a text to `width` pixels, with an ellipsis at its end or, if `keeps_end`, in front."""
     if width_of(text, size, bold) <= width:
         return text
     while text and width_of(text + "…", size, bold) > width:
-        text = text[:-1]
-    return text.rstrip() + "…"
+        text = text[1:] if keeps_end else text[:-1]
+    return "…" + text.lstrip() if keeps_end else text.rstrip() + "…"
 
 
 def write(

@@ -224,6 +224,8 @@ def test_every_number_of_every_run_is_written(tmp_path: Path, capsys: pytest.Cap
     rows = pd.read_csv(tmp_path / "numbers.csv")
     assert list(zip(rows["run"], rows["seed"], strict=True)) == [("high scratch", 0), ("high scratch", 1)]
     assert rows["area"].to_list() == pytest.approx([0.775] * 2) and (rows["best of known"] == 1).all()
+    main([str(tmp_path / "runs"), "--csv", str(tmp_path / "new/folder/numbers.csv")])
+    assert (tmp_path / "new/folder/numbers.csv").read_bytes() == (tmp_path / "numbers.csv").read_bytes()
     with pytest.raises(SystemExit):
-        main([str(tmp_path / "runs"), "--csv", str(tmp_path / "nowhere/numbers.csv")])
-    assert "--csv: must be in a folder that exists" in capsys.readouterr().err
+        main([str(tmp_path / "runs"), "--csv", str(tmp_path / "numbers.csv/numbers.csv")])
+    assert "--csv: must be in a folder, which is made if there is none" in capsys.readouterr().err

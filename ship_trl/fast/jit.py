@@ -23,14 +23,7 @@ RELAXED = {"contract", "nsz"}
 NO_NAN = RELAXED | {"nnan"}
 PACKAGE = Path(__file__).parent.parent
 # All files with loops, and what they import: numba inlines their functions and constants.
-INLINED = (
-    "fast/*.py",
-    "config/*.py",
-    "files/*.py",
-    "sim/*.py",
-    "policies/sb_mpc.py",
-    "policies/manoeuvres.py",
-)
+INLINED = ("fast/*.py", "config/*.py", "files/*.py", "sim/*.py", "policies/sb_mpc.py")
 # Seconds. A younger folder may belong to a process that runs.
 STALE = 24 * 3600
 

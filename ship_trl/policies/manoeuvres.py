@@ -7,7 +7,6 @@ construction: it is a bar for other policies, not a finding.
 
 from __future__ import annotations
 
-import math
 from itertools import product
 from typing import Any
 
@@ -18,32 +17,13 @@ from tensordict import TensorDictBase
 from torch import Tensor
 
 from ship_trl.config.types import World
-from ship_trl.fast.jit import compiled
-from ship_trl.fast.step import closest_approach, constants, give_way
-from ship_trl.sim.cases import GIVES_WAY, GIVING_WAY, HOLDS_COURSE
+from ship_trl.fast.manoeuvres import choose_actions
+from ship_trl.fast.step import constants
+from ship_trl.sim.cases import HOLDS_COURSE
 from ship_trl.sim.env import ShipEnv
 from ship_trl.sim.reward import POSITION_TOLERANCE
 from ship_trl.sim.starts import HOLD, STRAIGHT
-from ship_trl.sim.state import (
-    GOAL_X,
-    GOAL_Y,
-    HEADING,
-    OWN_SIZE,
-    SHIP_BEHAVIOUR,
-    SHIP_COUNT,
-    SHIP_HEADING,
-    SHIP_SIZE,
-    SHIP_SPEED,
-    SHIP_X,
-    SHIP_Y,
-    SPEED,
-    STEP,
-    YAW_RATE,
-    X,
-    Y,
-    goal_off_bow,
-    target_ships,
-)
+from ship_trl.sim.state import SHIP_BEHAVIOUR, STEP, goal_off_bow, target_ships
 from ship_trl.sim.transition import Transition
 
 Array = NDArray[Any]
@@ -97,146 +77,6 @@ class Manoeuvres:
         table = self.table, self.actions, self.constants, straight
         choose_actions(rows, order.numpy(), *table, found, chosen)
         return torch.from_numpy(chosen), torch.from_numpy(found)
-
-
-@compiled()
-def steer(row: Array, actions: Array, dt: float) -> int:
-    """Return the action whose turn brings the bow nearest to the goal in a state [S]."""
-    off = math.atan2(row[GOAL_Y] - row[Y], row[GOAL_X] - row[X]) - row[HEADING]
-    off -= 2 * math.pi * math.floor((off + math.pi) / (2 * math.pi))
-    best = 0
-    for k in range(actions.shape[0]):
-        if abs(off - actions[k, 1] * dt) < abs(off - actions[best, 1] * dt):
-            best = k
-    return best
-
-
-@compiled()
-def keeps_clear(
-    row: Array, now: Array, t: int, place: int, new: tuple[float, float], constants: Array, reacting: bool
-) -> bool:
-    """Return whether own ship's step from `now` to a place keeps clear of a ship; move the ship in `now`.
-
-    A ship that is giving way goes on. Another one holds course; if `reacting`, own ship must also keep clear
-    of it if it gives way. `row` [S] is the state `t` steps ago, `now` [S] has ships that give way, `place` is
-    where the ship's numbers begin.
-    """
-    dt, safe = constants[:2]
-    tcpa, dcpa, rule_turn = constants[8:]
-    ship, way = row[place:], row[place + SHIP_SPEED] * dt
-    is_giving = ship[SHIP_BEHAVIOUR] == GIVING_WAY
-    if not is_giving:
-        east, north = way * math.cos(ship[SHIP_HEADING]), way * math.sin(ship[SHIP_HEADING])
-        x, y = ship[SHIP_X] + t * east, ship[SHIP_Y] + t * north
-        if closest_approach(x - now[X], y - now[Y], x + east - new[0], y + north - new[1]) < safe:
-            return False
-    if not (is_giving or reacting):
-        return True
-    ship = now[place:]
-    course, behaviour = give_way(now, place, tcpa, dcpa, rule_turn)
-    x, y = ship[SHIP_X], ship[SHIP_Y]
-    east, north = way * math.cos(course), way * math.sin(course)
-    ship[SHIP_X], ship[SHIP_Y], ship[SHIP_HEADING], ship[SHIP_BEHAVIOUR] = (
-        x + east,
-        y + north,
-        course,
-        behaviour,
-    )
-    nearest = closest_approach(x - now[X], y - now[Y], x + east - new[0], y + north - new[1])
-    return bool(nearest >= safe)
-
-
-@compiled()
-def arrives(
-    row: Array, first: int, plan: Array, actions: Array, constants: Array, straight: int, reacting: bool
-) -> bool:
-    """Return whether an action and then a manoeuvre [3] reach the goal in time, clear of target ships.
-
-    Args:
-        row: a state [S].
-        first: the action.
-        plan: the manoeuvre.
-        actions: speed (m/s) and rate of turn (rad/s) of each action [A, 2].
-        constants: those of `fast.step`.
-        straight: the action that goes straight on.
-        reacting: whether to keep clear of ships that hold course also if they give way.
-    """
-    dt, _, goal_distance, max_steps = constants[:4]
-    left_speed, left_turn, mean_speed, mean_turn = constants[4:8]
-    now = row.copy()
-    for k in range(int(row[SHIP_COUNT])):
-        behaviour = OWN_SIZE + SHIP_SIZE * k + SHIP_BEHAVIOUR
-        now[behaviour] = max(now[behaviour], GIVES_WAY)
-    for t in range(int(max_steps - row[STEP])):
-        if t == 0:
-            action = first
-        elif t <= plan[1]:
-            action = plan[0]
-        elif t <= plan[1] + plan[2]:
-            action = straight
-        else:
-            action = steer(now, actions, dt)
-        speed, turn = actions[action, 0], actions[action, 1]
-        speed_lag, turn_lag = now[SPEED] - speed, now[YAW_RATE] - turn
-        heading = now[HEADING] + (turn + turn_lag * mean_turn) * dt
-        way = (speed + speed_lag * mean_speed) * dt
-        new = now[X] + way * math.cos(heading), now[Y] + way * math.sin(heading)
-        for k in range(int(row[SHIP_COUNT])):
-            if not keeps_clear(row, now, t, OWN_SIZE + SHIP_SIZE * k, new, constants, reacting):
-                return False
-        now[X], now[Y], now[HEADING] = new[0], new[1], heading
-        now[SPEED], now[YAW_RATE] = speed + speed_lag * left_speed, turn + turn_lag * left_turn
-        if math.hypot(row[GOAL_X] - new[0], row[GOAL_Y] - new[1]) <= goal_distance:
-            return True
-    return False
-
-
-@compiled()
-def begin(row: Array, plan: Array, actions: Array, dt: float, straight: int, rest: Array) -> int:
-    """Return the action with which a manoeuvre [3] begins in a state [S]; write what is left into `rest`."""
-    rest[0], rest[1], rest[2] = plan[0], max(0, plan[1] - 1), plan[2]
-    if plan[1] > 0:
-        return plan[0]
-    rest[2] = max(0, plan[2] - 1)
-    return straight if plan[2] > 0 else steer(row, actions, dt)
-
-
-@compiled()
-def choose_actions(
-    state: Array,
-    order: Array,
-    table: Array,
-    actions: Array,
-    constants: Array,
-    straight: int,
-    plans: Array,
-    chosen: Array,
-) -> None:
-    """Write what `Manoeuvres.choose` returns into `plans` [N, 3] and `chosen` [N]."""
-    count = len(table)
-    # The plan found last and all manoeuvres from now on, by their first action; then all behind an action.
-    first, rest = np.empty(count + 1, np.int64), np.empty((2 * count + 1, 3), np.int64)
-    rest[count + 1 :] = table
-    for n in range(state.shape[0]):
-        row = state[n]
-        for p in range(count + 1):
-            plan = table[p - 1] if p else plans[n]
-            first[p] = begin(row, plan, actions, constants[0], straight, rest[p])
-        chosen[n], had_plan = -1, plans[n, 0] >= 0
-        # Best clear of ships whatever they do.
-        for reacting in (True, False):
-            for a in order[n]:
-                for p in range(1 - had_plan, 2 * count + 1):
-                    fits = p > count or first[p] == a
-                    if fits and arrives(row, a, rest[p], actions, constants, straight, reacting):
-                        chosen[n], plans[n] = a, rest[p]
-                        break
-                if chosen[n] >= 0:
-                    break
-            if chosen[n] >= 0:
-                break
-        if chosen[n] < 0 and had_plan:
-            chosen[n], plans[n] = first[0], rest[0]
 
 
 class BestManoeuvre:

@@ -9,10 +9,11 @@ import torch
 from torch import Tensor
 
 from ship_trl.config.types import World
+from ship_trl.fast.manoeuvres import arrives
 from ship_trl.fast.worlds import draw_starts, make_env
 from ship_trl.foreign.suites import load_suite
 from ship_trl.learn.rollout import Episode, rollout
-from ship_trl.policies.manoeuvres import Manoeuvres, arrives, best_return, best_rules
+from ship_trl.policies.manoeuvres import Manoeuvres, best_return, best_rules
 from ship_trl.policies.metrics import score_rules
 from ship_trl.sim.cases import GIVES_WAY, HOLDS_COURSE, load_world
 from ship_trl.sim.state import SHIP_BEHAVIOUR, target_ships

@@ -50,6 +50,7 @@ def main(path: Path) -> None:
     axes.set_title("What a collision costs, as the learner sees it")
     axes.grid(alpha=0.3)
     axes.legend()
+    path.parent.mkdir(parents=True, exist_ok=True)
     figure.savefig(path)
 
 

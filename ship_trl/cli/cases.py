@@ -89,7 +89,6 @@ def main(arguments: list[str] | None = None) -> None:
             show_measured(target, given, transfers_to(target, known, sources))
             name = f"case_{target.name}"
         path = options.picture or Path("outputs") / f"{name}.png"
-        path.parent.mkdir(parents=True, exist_ok=True)
         draw(path, cases, traffic, world)
         sys.stdout.write(f"{path}{note}\n")
 

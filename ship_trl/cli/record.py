@@ -156,7 +156,6 @@ def write_episode(entry: Entry, options: Namespace) -> None:
     situation = situation_of(case, episode.states, entry.world)
     for path, write in ((options.situation, write_situation), (options.ais, write_ais)):
         if path is not None:
-            path.parent.mkdir(parents=True, exist_ok=True)
             with atomic_write(path) as draft:
                 draft.write_text(write(situation))
             sys.stdout.write(f"{path}\n")

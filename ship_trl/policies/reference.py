@@ -191,7 +191,6 @@ def plan_name(case: Case, world: World) -> str:
 
 def save_plan(path: Path, plan: Plan) -> None:
     """Write a plan as JSON; create the folder if needed."""
-    path.parent.mkdir(parents=True, exist_ok=True)
     with atomic_write(path) as draft:
         draft.write_text(json.dumps({"return": plan.episode_return, "actions": plan.actions}))
 

@@ -233,7 +233,6 @@ def read_layers(path: Path) -> pd.DataFrame:
 
 def write_layers(path: Path, table: pd.DataFrame) -> None:
     """Write a table of layers, by seed."""
-    path.parent.mkdir(parents=True, exist_ok=True)
     with atomic_write(path) as draft:
         ordered = table.sort_values("seed", kind="stable")
         ordered.to_csv(draft, index=False, na_rep="nan", lineterminator="\n")

@@ -82,7 +82,7 @@ def write_film(path: Path, frames: Iterator[pygame.Surface], frames_per_second: 
     else:
         draft = path.with_name(f".{path.name}.part")
         shutil.rmtree(draft, ignore_errors=True)
-        draft.mkdir()
+        draft.mkdir(parents=True)
         for number, frame in enumerate(frames):
             pygame.image.save(frame, str(draft / f"{number:05d}.png"))
         draft.replace(path)

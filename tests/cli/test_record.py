@@ -32,6 +32,12 @@ def test_a_film_and_a_chart(tmp_path: Path, capsys: pytest.CaptureFixture[str]) 
     assert sorted(path.name for path in tmp_path.iterdir()) == ["film.gif", "paths.png"]
 
 
+def test_folders_are_made(tmp_path: Path) -> None:
+    main("keep_course target=4 --output new/frames --trajectories other/paths.png --fps 1 --speed 20".split())
+    assert {path.suffix for path in (tmp_path / "new/frames").iterdir()} == {".png"}
+    assert sorted(path.name for path in tmp_path.iterdir()) == ["new", "other"]
+
+
 def test_maps_of_several_cases_are_one_film(capsys: pytest.CaptureFixture[str]) -> None:
     line = "keep_course target=1,2 --maps --size 640x400 --fps 2 --speed 20 --output film.gif"
     main(line.split())

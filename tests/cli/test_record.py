@@ -33,7 +33,8 @@ def test_a_film_and_a_chart(tmp_path: Path, capsys: pytest.CaptureFixture[str]) 
 
 
 def test_folders_are_made(tmp_path: Path) -> None:
-    main("keep_course target=4 --output new/frames --trajectories other/paths.png --fps 1 --speed 20".split())
+    line = "keep_course target=4 --output new/frames --trajectories other/paths.png --fps 1 --speed 20"
+    main(line.split())
     assert {path.suffix for path in (tmp_path / "new/frames").iterdir()} == {".png"}
     assert sorted(path.name for path in tmp_path.iterdir()) == ["new", "other"]
 

@@ -94,7 +94,7 @@ def add_output(parser: Parser, name: str, suffixes: Sequence[str], use: str) -> 
         is_free = bool(path.suffix) or not path.exists() or (path.is_dir() and not any(path.iterdir()))
         require(path.suffix in suffixes and is_free, name, allowed, text)
         known = next(folder for folder in path.absolute().parents if folder.exists())
-        require(known.is_dir(), name, "in a folder, which is made if there is none", text)
+        require(known.is_dir(), name, "in a folder; a new one is made", text)
         return path
 
     parser.add_argument(name, type=read, metavar=metavar, help=use)

@@ -156,7 +156,7 @@ def choose_actions(
             plan = table[p - 1] if p else plans[n]
             first[p] = begin(row, plan, actions, constants[0], straight, rest[p])
         chosen[n], had_plan = -1, plans[n, 0] >= 0
-        # Best clear of ships whatever they do.
+        # First clear of ships that may give way, else of ships that hold course.
         for reacting in (True, False):
             for a in order[n]:
                 for p in range(1 - had_plan, 2 * count + 1):

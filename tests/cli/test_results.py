@@ -228,4 +228,4 @@ def test_every_number_of_every_run_is_written(tmp_path: Path, capsys: pytest.Cap
     assert (tmp_path / "new/folder/numbers.csv").read_bytes() == (tmp_path / "numbers.csv").read_bytes()
     with pytest.raises(SystemExit):
         main([str(tmp_path / "runs"), "--csv", str(tmp_path / "numbers.csv/numbers.csv")])
-    assert "--csv: must be in a folder, which is made if there is none" in capsys.readouterr().err
+    assert "--csv: must be in a folder; a new one is made" in capsys.readouterr().err

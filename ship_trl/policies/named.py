@@ -23,7 +23,6 @@ from ship_trl.learn.network import DuelingNetwork, make_network
 from ship_trl.learn.rollout import Episode, Policy, greedy_policy, rollout
 from ship_trl.policies import recorded
 from ship_trl.policies.checked import CheckedPolicy, describe
-from ship_trl.policies.masks import Masked
 from ship_trl.policies.onnx import onnx_policy
 from ship_trl.policies.pretrained import find
 from ship_trl.policies.registry import EPISODES, POLICIES, TRUSTED, Entry, Kind, kind_of, split_masks
@@ -48,6 +47,9 @@ def load_policy(name: str, env: ShipEnv, seed: int = 0) -> CheckedPolicy:
     """
     base, masks = split_masks(name)
     if masks:
+        # It needs numba, which a run does not.
+        from ship_trl.policies.masks import Masked
+
         return CheckedPolicy(Masked(load_policy(base, env, seed), env.world, masks), None, name)
     kind = kind_of(name)
     if kind is Kind.named:

@@ -6,8 +6,8 @@ of your own, or trusted:FILE.zip, a model of Stable-Baselines3: loading it runs 
 folders and bundled networks have their own target, and the table shows the return that they claim. Other
 policies act in the world of the first result folder or, without one, in the paper's with world.KEY=VALUE.
 perturbation.own_position=50 (metres) and the like draw starts at random. Of several episodes the table has
-rates and, in metres, the mean least distance to a ship and its 5th percentile. --rules adds scores of the
-steering rules, --all every column.
+rates and, in metres, the mean least distance to a ship and its 5th percentile. --rules adds a table of what
+own ship does by the steering rules, and scores; --all shows every column.
 """
 
 from __future__ import annotations
@@ -73,7 +73,7 @@ def main(arguments: list[str] | None = None) -> None:
     add_number(parser, "--head-on", HalfAngle, HEAD_ON_DEGREES, "half-angle of head-on in degrees (5)")
     keep = "where the episodes are kept as demonstrations"
     parser.add_argument("--demonstrations", type=Path, metavar="FOLDER", help=keep)
-    parser.add_argument("--rules", action="store_true", help="show scores of the steering rules")
+    parser.add_argument("--rules", action="store_true", help="show what own ship does by the steering rules")
     parser.add_argument("--all", action="store_true", help="show every column")
     parser.add_argument("--markdown", action="store_true", help="print a Markdown table")
     options = parser.parse_intermixed_args(arguments)
@@ -186,6 +186,8 @@ def print_table(found: list[Scored], options: Namespace) -> None:
     from ship_trl.run.console import show
     from ship_trl.transfer.casebase import PLANS
 
+    if options.rules and found:
+        print_rules(found, options.markdown)
     rows = []
     is_scored = options.by is not None or options.rules or any(len(one.episodes) > 1 for one in found)
     for one in found:
@@ -213,6 +215,22 @@ def print_table(found: list[Scored], options: Namespace) -> None:
     if is_scored and found:
         world, head_on = found[0].entry.world, found[0].head_on
         sys.stdout.write(f"{describe_scores(world.safe_distance, head_on, shown)}\n")
+
+
+def print_rules(found: list[Scored], markdown: bool) -> None:
+    """Print what each policy did about engaged ships, by class of encounter, and explain it."""
+    from ship_trl.policies.rule_table import HEADINGS, describe_rules, rule_rows
+    from ship_trl.run.console import show
+
+    safe, suites = found[0].entry.world.safe_distance, {one.suite_name for one in found}
+    rows = [
+        [one.suite_name, one.entry.label, *cells]
+        for one in found
+        for cells in rule_rows(one.measured, one.entry.world.safe_distance)
+    ]
+    shown = HEADINGS[len(suites) == 1 :]
+    show(HEADINGS, rows, markdown, "What own ship does about ships, by the steering rules", shown)
+    sys.stdout.write(f"{describe_rules(safe)}\n\n")
 
 
 @dataclass(frozen=True)
@@ -317,8 +335,18 @@ class Scored:
                 "encounter": self.measured.encounters[k],
                 **({} if scale is None else {"start_utc": scale.start}),
                 **{name: "" if math.isnan(value) else f"{value:.6g}" for name, value in values},
+                **self.ship_cells(k),
                 "decision_ms": "" if math.isnan(self.decision_time) else f"{self.decision_time:.3g}",
             }
+
+    def ship_cells(self, row: int) -> dict[str, str]:
+        """Return what own ship did about each engaged ship of an episode, as `ship_1_side` and so on."""
+        cells = {}
+        for name, values in self.measured.ships.items():
+            for k, value in enumerate(values[row].tolist(), 1):
+                text = value if isinstance(value, str) else "" if math.isnan(value) else f"{value:.6g}"
+                cells[f"ship_{k}_{name}"] = text
+        return cells
 
 
 def score_cells(measured: Measurements, share: str = "-") -> list[str]:

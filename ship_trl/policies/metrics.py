@@ -20,7 +20,7 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 import torch
@@ -65,6 +65,11 @@ class Measurements:
     Attributes:
         outcomes: goal, collision or timeout, [N].
         encounters: class at the onset of the first encounter, of several the nearest ship's, [N].
+        ships: what own ship did about each engaged ship (see `Scores`), [N, K] by name, "" or NaN where
+            something does not apply: encounter, its class, "none" unless the ship is engaged; side of the
+            first action: starboard, port or none; turn, the largest to that side (degrees); range at which it
+            begins (m); flags (1, 0) bow_crossing, kept_course, and, head-on and giving way, obeys: own ship
+            turns at least 10 degrees to starboard, and crosses no bow.
         values: float64 [N] by name, NaN where a metric does not apply: return (raw, undiscounted), steps;
             least_distance to any target ship (m), within steps too; dcpa (m) and tcpa (s), predicted as the
             manoeuvre begins; rule_8 to rule_17, scores [N, K] for each target ship; path_ratio and
@@ -73,12 +78,15 @@ class Measurements:
 
     outcomes: NDArray[np.str_]
     encounters: NDArray[np.str_]
+    ships: dict[str, NDArray[Any]]
     values: dict[str, Numbers]
 
     def select(self, rows: NDArray[np.bool_]) -> Measurements:
         """Return the metrics of some episodes, by flags [N]."""
-        values = {name: value[rows] for name, value in self.values.items()}
-        return Measurements(self.outcomes[rows], self.encounters[rows], values)
+        ships, values = (
+            {name: value[rows] for name, value in one.items()} for one in (self.ships, self.values)
+        )
+        return Measurements(self.outcomes[rows], self.encounters[rows], ships, values)
 
     def known(self, name: str) -> Numbers:
         """Return all values of a metric that apply, in one row."""
@@ -136,8 +144,28 @@ def measure_episodes(
     return Measurements(
         np.array([one.outcome for one in episodes]),
         np.array([CLASS_NAMES[one] for one in classes.tolist()]),
+        describe_ships(scores, is_present(states[:, 0])),
         {name: value.double().numpy() for name, value in values.items()},
     )
+
+
+def describe_ships(scores: Scores, present: Tensor) -> dict[str, NDArray[Any]]:
+    """Return `Measurements.ships` for scores [N, K] and flags of places that hold a ship, [N, K]."""
+    kind, turn, crosses_bow = scores.encounter, scores.turn, scores.crosses_bow
+    is_engaged = ~turn.isnan()
+    names = np.array(CLASS_NAMES)[kind.where(is_engaged, Encounter.NONE).numpy()]
+    sides = np.array(["none", "starboard", "port"])[turn.nan_to_num().sign().long().numpy()]
+    obeys = ((turn >= STARBOARD[0]) & (crosses_bow == 0)).double()
+    asks = is_engaged & ((kind == Encounter.HEAD_ON) | (kind == Encounter.GIVE_WAY))
+    return {
+        "encounter": np.where(present, names, ""),
+        "side": np.where(is_engaged, sides, ""),
+        "turn": turn.abs().numpy(),
+        "range": scores.action_range.numpy(),
+        "bow_crossing": crosses_bow.numpy(),
+        "kept_course": scores.keeps_course.numpy(),
+        "obeys": obeys.masked_fill(~asks, math.nan).numpy(),
+    }
 
 
 def route_ratios(states: Tensor, last: Tensor, world: World) -> tuple[Tensor, Tensor]:
@@ -171,18 +199,31 @@ class Scores(NamedTuple):
         manoeuvre: step at which the manoeuvre after it is chosen, int64 [N, K]; -1 without one.
         rules: scores from 0 to 1 by `config.bounds.RULES`, [N, K, 6]; NaN where a rule does not apply.
             Head-on 8 and 14, give way 8, 15 and 16, overtaking 8, 13 and 16, stand on and overtaken 17.
+        turn: largest turn to the side of the first action (degrees, starboard positive), [N, K]; 0 without
+            an action, NaN where no ship is engaged.
+        action_range: distance at which the first action begins (m), [N, K]; NaN without one.
+        crosses_bow: 1 or 0, [N, K], by the aspect at the closest approach, as Rules 13 and 15 count it;
+            head-on 1 unless ships pass port to port; NaN where own ship stands on or no ship is engaged.
+        keeps_course: 1 or 0, [N, K]: whether own ship holds course and speed until stage 4; NaN unless it
+            stands on to an engaged ship.
     """
 
     encounter: Tensor
     onset: Tensor
     manoeuvre: Tensor
     rules: Tensor
+    turn: Tensor
+    action_range: Tensor
+    crosses_bow: Tensor
+    keeps_course: Tensor
 
 
 def score_rules(states: Tensor, last: Tensor, world: World, head_on: float = HEAD_ON_DEGREES) -> Scores:
     """Score episodes by their states; distances are in the scale of the world's safe distance.
 
-    An encounter begins when the DCPA is below 4/3 of the safe distance within the next 30 s.
+    An encounter begins when the DCPA is below 4/3 of the safe distance within the next 30 s. A ship with
+    which one begins while own ship is under way is engaged. The first action is own ship's first change of
+    course after that.
 
     Args:
         states: states of N episodes [N, T + 1, S], padded with any states at their ends.
@@ -214,16 +255,20 @@ def score_rules(states: Tensor, last: Tensor, world: World, head_on: float = HEA
     before = torch.maximum(time - hold, onset[:, None])
     swung = (turns - turns.gather(1, before)).abs()
     sped = (speed / speed.gather(1, before).clamp(min=1e-6) - 1).abs()
-    is_held = (swung <= TURN[0]) & (sped < SPEED_CHANGE[1])
-    begin = torch.where(is_held, time, 0).cummax(1).values
-    until = torch.minimum(torch.maximum(cpa[:, None], begin + reaction), last[:, None])
-    counts = ~is_held & (begin >= onset[:, None]) & (begin <= cpa[:, None]) & (time <= until)
+    is_steady, span = swung <= TURN[0], (onset, cpa, last, reaction)
+    begin, counts = find_changes(is_steady & (sped < SPEED_CHANGE[1]), *span)
     size = turns.abs().clamp(max=TURN[1]) + ramp(changes, SPEED_CHANGE)
     manoeuvre = at(begin, (size * counts).argmax(1)).masked_fill(~(counts.any(1) & has_onset), -1)
+
+    # The first action is a change of course: speed changes with it, and back after a small correction.
+    begin, counts = find_changes(is_steady, *span)
+    acts, action = counts.any(1), at(begin, counts.to(torch.int8).argmax(1))
+    side = at(turns, (turns.abs() * (counts & (begin == action[:, None]))).argmax(1)).sign() * acts
 
     end = torch.where(manoeuvre < 0, cpa, torch.maximum(cpa, manoeuvre + reaction))
     during = (time >= onset[:, None]) & (time <= torch.minimum(end, last)[:, None])
     turned = ramp((turns.abs() * during).amax(1), TURN)
+    turn = side * (turns * side[:, None] * during).amax(1)
     apparent = (turned + ramp((changes * during).amax(1), SPEED_CHANGE)) / 2
     entry = at(motion.distance, onset).clamp(max=STAGE3)
     begun = at(motion.distance, manoeuvre.clamp(min=0))
@@ -235,9 +280,10 @@ def score_rules(states: Tensor, last: Tensor, world: World, head_on: float = HEA
     no_starboard = 1 - ramp((turns * during).amax(1), STARBOARD, power=1)
     not_port_to_port = 1 - ((sin_aspect - 1) / 2).square() * ((sin_bearing - 1) / 2).square()
     rule14 = (1 - 0.4 * no_starboard - 0.6 * not_port_to_port) * turned * timely * (safety > 0)
-    rule13 = rule16 - 0.3 * (aspect.abs() < 45)
-    rule15 = rule16 - 0.5 * ((aspect > -25) & (aspect < 165))
-    rule17 = safety * (1 - _stand_on_penalty(motion, heading, turns, changes, during))
+    is_ahead, is_past_bow = aspect.abs() < 45, (aspect > -25) & (aspect < 165)
+    rule13, rule15 = rule16 - 0.3 * is_ahead, rule16 - 0.5 * is_past_bow
+    penalties = _stand_on_penalties(motion, heading, turns, changes, during)
+    rule17 = safety * (1 - penalties.amax(0))
     meets, crosses, overtakes = (
         kind == one for one in (Encounter.HEAD_ON, Encounter.GIVE_WAY, Encounter.OVERTAKING)
     )
@@ -245,12 +291,37 @@ def score_rules(states: Tensor, last: Tensor, world: World, head_on: float = HEA
     gives_way = crosses | overtakes
     applies = (meets | gives_way, overtakes, meets, crosses, gives_way, stands_on)
     scores = torch.stack((rule8, rule13, rule14, rule15, rule16, rule17), -1).clamp(min=0.0)
+    is_engaged = has_onset & (at(speed, onset) > 0)
+    is_port_to_port = (sin_bearing < 0) & (sin_aspect < 0)
+    crosses_bow = (meets & ~is_port_to_port) | (crosses & is_past_bow) | (overtakes & is_ahead)
     return Scores(
         kind,
         begins,
         manoeuvre,
         scores.masked_fill(~torch.stack(applies, -1), math.nan),
+        turn.masked_fill(~is_engaged, math.nan),
+        at(motion.distance, action).masked_fill(~(is_engaged & acts), math.nan),
+        crosses_bow.double().masked_fill(~is_engaged | stands_on, math.nan),
+        (penalties[:2].amax(0) == 0).double().masked_fill(~(is_engaged & stands_on), math.nan),
     )
+
+
+def find_changes(
+    is_held: Tensor, onset: Tensor, cpa: Tensor, last: Tensor, reaction: int
+) -> tuple[Tensor, Tensor]:
+    """Return where the change that each state is part of begins, and whether it is part of one that counts.
+
+    Args:
+        is_held: whether nothing changed just before, bool [N, T + 1, K]; the results have this shape.
+        onset: step from which changes count, int64 [N, K].
+        cpa: step until which a change must begin, int64 [N, K].
+        last: index of each episode's last state, int64 [N, 1].
+        reaction: steps for which a change counts at least.
+    """
+    time = torch.arange(is_held.shape[1])[:, None]
+    begin = torch.where(is_held, time, 0).cummax(1).values
+    until = torch.minimum(torch.maximum(cpa[:, None], begin + reaction), last[:, None])
+    return begin, ~is_held & (begin >= onset[:, None]) & (begin <= cpa[:, None]) & (time <= until)
 
 
 def closest_pass(states: Tensor, begin: Tensor, last: Tensor) -> tuple[Tensor, Tensor, Tensor, Tensor]:
@@ -311,10 +382,10 @@ def at(values: Tensor, time: Tensor) -> Tensor:
     return values.gather(1, time[:, None])[:, 0]
 
 
-def _stand_on_penalty(
+def _stand_on_penalties(
     motion: Motion, heading: Tensor, turns: Tensor, changes: Tensor, during: Tensor
 ) -> Tensor:
-    """Return Rule 17's penalties, from 0 to 1, [N, K]."""
+    """Return Rule 17's penalties for course, speed and port turns, from 0 to 1, [3, N, K]."""
     is_near = (((motion.distance <= STAGE4) & during).cumsum(1) > 0) & during
     is_far = during & ~is_near
     # Port turns that begin while the ship is to port, net of starboard ones.
@@ -325,4 +396,4 @@ def _stand_on_penalty(
         ramp((changes * is_far).amax(1), SPEED_CHANGE),
         ramp(port.cumsum(1).amax(1), TURN),
     )
-    return torch.stack(penalties).amax(0)
+    return torch.stack(penalties)

@@ -84,6 +84,41 @@ def test_a_row_of_each_episode_and_a_sheet_of_their_paths(
     assert "nothing failed" in capsys.readouterr().out and not (tmp_path / "failed.png").exists()
 
 
+def test_the_table_of_the_rules_counts_the_ships_of_the_csv_file(tmp_path: Path) -> None:
+    words = ("keep_course", "vo", "target=imazu,paper", "--rules", "--markdown", "--csv", "all.csv")
+    lines = ship_trl(*words, verb="evaluate", folder=tmp_path).stdout.splitlines()
+    table = [[cell.strip() for cell in line.split("|")[1:-1]] for line in lines if line.startswith("| ")]
+    # The scores come after it.
+    end = next(k for k, row in enumerate(table) if "R8" in row)
+    assert table[end][0] == "suite" and len(table[end:]) == 2 + 4
+    rows = [dict(zip(table[0], row, strict=True)) for row in table[2:end]]
+    assert len(rows) == 4 * 6
+    with (tmp_path / "all.csv").open() as file:
+        episodes = list(csv.DictReader(file))
+    for row in rows:
+        own = [one for one in episodes if [one["suite"], one["policy"]] == [row["suite"], row["policy"]]]
+        ships = [
+            {name: one[f"ship_{k}_{name}"] for name in ("encounter", "side", "turn", "bow_crossing", "obeys")}
+            for one in own
+            for k in (1, 2, 3)
+            if one[f"ship_{k}_encounter"]
+        ]
+        is_all = row["encounter"] == "all"
+        engaged = [
+            one
+            for one in ships
+            if one["encounter"] == row["encounter"] or (is_all and one["encounter"] != "none")
+        ]
+        assert row["engaged"] == f"{len(engaged)} ({len(engaged) / len(ships):.0%})"
+        asked = [one["obeys"] == "1" for one in engaged if one["obeys"]]
+        obeys = f"{sum(asked) / len(asked):.0%}" if asked else ""
+        assert row["obeys"] == (f"{obeys} of {len(asked)}" if is_all else obeys)
+        assert len(asked) == len(engaged) or is_all or row["encounter"] not in ("head-on", "give way")
+        for one in engaged:
+            is_right = one["side"] == "starboard" and float(one["turn"]) >= 10 and one["bow_crossing"] == "0"
+            assert one["obeys"] in ("", str(int(is_right)))
+
+
 def test_a_run_is_a_policy(trained: Path, tmp_path: Path) -> None:
     policy = load_policy(trained)
     assert policy.name == str(trained) and policy.observation == "pixels"

@@ -8,6 +8,7 @@ from ship_trl.cli.evaluate import GOOD_SCORES, MILES_OF_ALL, RULE_SCORES, SCORES
 from ship_trl.config.types import World
 from ship_trl.policies.named import rollout_entry
 from ship_trl.policies.registry import Entry, split_suites
+from ship_trl.policies.rule_table import HEADINGS, describe_rules, rule_rows
 from ship_trl.sim.cases import load_suite
 from ship_trl.sim.scale import Scale
 from ship_trl.sim.state import first_case
@@ -47,6 +48,21 @@ def test_good_scores_are_those_of_the_page() -> None:
         best("pretrained:traffic", "pretrained:traffic_pixels"),
     )
     assert f"in imazu planners have up to {planners}, networks up to {networks}" == GOOD_SCORES
+
+
+def test_the_table_of_the_rules_is_the_one_of_the_page(world: World) -> None:
+    """Of `keep_course`, which takes seconds; the other rows take minutes."""
+    page = (ROOT / "docs/encounters.md").read_text()
+    lines = page.partition("<!-- begin: rules -->")[2].partition("<!-- end -->")[0].splitlines()
+    table = [[cell.strip() for cell in line[1:-2].split("|")] for line in lines if line.startswith("| ")]
+    command = next(line for line in lines if line.startswith("`python -m ship_trl evaluate "))
+    words = command.strip("`").split()[4:]
+    assert words[-3:] == ["target=traffic_test", "--rules", "--markdown"]
+    assert list(dict.fromkeys(row[0] for row in table[2:])) == words[:-3]
+    assert table[0] == list(HEADINGS[1:]) and describe_rules(world.safe_distance) in lines
+    own = evaluated(world, "traffic_test")
+    rows = [["keep_course", *cells] for cells in rule_rows(own.measured, world.safe_distance)]
+    assert [row for row in table if row[0] == "keep_course"] == rows
 
 
 def test_every_row_has_the_cells_of_the_headings(world: World) -> None:

@@ -94,7 +94,8 @@ class Training:
         self._returns += after["reward"].squeeze(-1)
         self._lengths += 1
         self._losses += [(self.steps, loss) for loss in algorithm.update()]
-        for row in after["done"].squeeze(-1).nonzero().squeeze(-1).tolist():
+        done = after["done"].squeeze(-1)
+        for row in done.nonzero().squeeze(-1).tolist():
             if self.is_finished:
                 break
             self.episode += 1
@@ -109,9 +110,10 @@ class Training:
                 loss=self._mean_loss(),
             )
             self._losses.clear()
-            self._returns[row], self._lengths[row] = 0.0, 0
             if self.episode % self._learn.evaluate_every == 0 or self.is_finished:
                 yield self._evaluate()
+        # Also those of episodes that end with the last one and do not count: a longer training may go on.
+        self._returns[done], self._lengths[done] = 0.0, 0
 
     def _mean_loss(self) -> float | None:
         """Return the mean loss since the last episode ended, or None without updates."""

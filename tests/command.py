@@ -102,8 +102,21 @@ report, ask, keep = map(of_study, ("report", "ask", "keep"))
 
 
 def files(folder: Path) -> dict[str, bytes]:
-    """Read every file below a folder."""
-    return {str(p.relative_to(folder)): p.read_bytes() for p in sorted(folder.rglob("*")) if p.is_file()}
+    """Read every file below a folder; of last checkpoints, what tells no time."""
+    paths = [path for path in sorted(folder.rglob("*")) if path.is_file()]
+    return {str(path.relative_to(folder)): read_timeless(path) for path in paths}
+
+
+def read_timeless(path: Path) -> bytes:
+    """Read a file; of a run's last checkpoint leave out the time of training, and the digest of all."""
+    data = path.read_bytes()
+    if path.name != "checkpoint.safetensors":
+        return data
+    end = 8 + int.from_bytes(data[:8], "little")
+    header: Any = json.loads(data[8:end])
+    about = json.loads(header["__metadata__"]["ship_trl"])
+    header["__metadata__"] = {key: value for key, value in about.items() if key not in ("seconds", "digest")}
+    return json.dumps(header, sort_keys=True).encode() + data[end:]
 
 
 def contents(folder: Path) -> dict[str, bytes]:
@@ -113,7 +126,7 @@ def contents(folder: Path) -> dict[str, bytes]:
         name = str(path.relative_to(folder))
         if not path.is_file() or ".locks" in path.parts or (DRAFT.search(name) and "seed=" not in name):
             continue
-        data = path.read_bytes().replace(str(folder.resolve()).encode(), b"FOLDER")
+        data = read_timeless(path).replace(str(folder.resolve()).encode(), b"FOLDER")
         if path.suffix == ".json":
             values: Any = json.loads(data)
             data = json.dumps({k: v for k, v in values.items() if k not in TIME_KEYS}).encode()

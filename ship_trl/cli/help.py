@@ -52,6 +52,7 @@ How
                         wandb.mode=offline|online wandb.project=NAME wandb.entity=NAME
   output=FOLDER         results go to FOLDER/<pair>/<arm>/seed=<k>
   overwrite=true        replace a finished run of other settings there, or a damaged one
+  extend=true           go on from the finished run there, with learn.episodes=N more than it has
 
   -m, --multirun        a grid: values separated by commas
   +sweep=NAME           search for good settings with Optuna: {sweeps}

@@ -255,10 +255,12 @@ class Checkpoint:
     """How often a checkpoint is written, from which a stopped run resumes.
 
     `every` is a share of the episodes, `seconds` the minimum time between two; 0 and 0: after each episode.
+    With `keep`, the one of the end stays in the run's folder, so that the run can be extended.
     """
 
     every: bounds.Share
     seconds: Annotated[float, Field(ge=0)]
+    keep: bool = True
 
 
 @dataclass
@@ -323,6 +325,7 @@ class Config:
     margin: Margin = field(default_factory=Margin)
     transfer: Transfer = field(default_factory=Transfer)
     situations: Situations = Situations()
+    extend: bool = False
 
     @property
     def arm(self) -> Arm:
@@ -340,6 +343,10 @@ class Config:
         if arm.is_scratch:
             changes |= {"source": None, "source_file": None}
         return dataclasses.replace(self, **changes)
+
+    def with_episodes(self, episodes: int) -> Config:
+        """Return the configuration with another number of training episodes."""
+        return dataclasses.replace(self, learn=dataclasses.replace(self.learn, episodes=episodes))
 
     @property
     def label(self) -> str:

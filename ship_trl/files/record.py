@@ -113,7 +113,8 @@ class RunRecord:
     those of the conv layers in training, `steps` environment steps. `teacher` is the network that was
     distilled, with the SHA-256 of its file. Rates are shares of training episodes. `best_known_return` is the
     mean over the cases of a suite; None if their starts are perturbed. `on_source` is None where no source
-    was learned, and where its episodes are drawn.
+    was learned, and where its episodes are drawn. `extended` are the episodes at which earlier runs ended,
+    from which this one goes on.
 
     The file holds the fields up to there. `folder` is the run's, `below` the one that was searched, `part`
     the part of a study between them. `changes` are the settings that tell the run from others of its place,
@@ -152,6 +153,7 @@ class RunRecord:
     schema_version: int
     teacher: str | None = None
     on_source: SourceReturns | None = None
+    extended: list[int] = field(default_factory=list)
     folder: Path = field(default=Path(), compare=False, repr=False)
     below: Path = field(default=Path(), compare=False, repr=False)
     part: str = field(default="", compare=False, repr=False)

@@ -32,7 +32,7 @@ from ship_trl.sim.cases import profile_of
 # That of conf/config.yaml.
 DEFAULT_PROFILE = "quick"
 # Values of other keys without a dot, and of these with one, are text: names, paths, options of groups.
-NOT_TEXT = ("seed", "layers", "fast", "colour", "overwrite")
+NOT_TEXT = ("seed", "layers", "fast", "colour", "overwrite", "extend")
 TEXT = (
     *("algorithm.teacher", "hydra.sweep.dir"),
     *("wandb.project", "wandb.entity", "wandb.folder", "wandb.group"),

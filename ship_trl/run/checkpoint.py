@@ -9,8 +9,8 @@ from __future__ import annotations
 import hashlib
 import json
 import time
-from collections.abc import Mapping
-from dataclasses import asdict, dataclass
+from collections.abc import Iterable, Mapping
+from dataclasses import asdict
 from pathlib import Path
 
 import numpy as np
@@ -23,7 +23,8 @@ from ship_trl.config.schema import read_as
 from ship_trl.files.disk import atomic_write, remove, write_tensors
 from ship_trl.learn.algorithm import add_prefix, strip_prefix
 from ship_trl.run import console
-from ship_trl.run.plan import CHECKPOINTS, HEADER_KEY, Run
+from ship_trl.run.header import HEADER_KEY, About
+from ship_trl.run.plan import CHECKPOINTS, LAST_CHECKPOINT, Run
 from ship_trl.run.setup import Parts
 
 NAMES = ("1.safetensors", "2.safetensors")
@@ -31,21 +32,6 @@ NAMES = ("1.safetensors", "2.safetensors")
 
 class CheckpointError(Exception):
     """A damaged checkpoint; the message says what is wrong with it."""
-
-
-@dataclass(frozen=True)
-class About:
-    """The header of a checkpoint: its run, how it was computed, and how far the training was.
-
-    With another arithmetic than `computed` (`Parts.computed`) the resumed run would have other bits.
-    """
-
-    config_hash: str
-    computed: str
-    episode: int
-    episodes: int
-    steps: int
-    seconds: float
 
 
 class Checkpoints:
@@ -90,6 +76,22 @@ class Checkpoints:
         Raises:
             DivergedError: a loss or a weight is not finite. Earlier checkpoints are kept.
         """
+        if self._save(self._folder / self._next):
+            self._newest = self._parts.training.episode
+            self._next = other(self._next)
+        self._wait()
+
+    def write_last(self) -> None:
+        """Write the checkpoint from which the finished run can be extended, if it is to be kept.
+
+        Raises:
+            DivergedError: as in `write`.
+        """
+        if self._run.config.checkpoint.keep:
+            self._save(self._run.folder / LAST_CHECKPOINT)
+
+    def _save(self, path: Path) -> bool:
+        """Write a checkpoint, and return whether there was room for it."""
         training, history, parts = self._parts.training, self._parts.history, self._parts
         training.check_finite()
         done = training.episode, self._episodes, training.steps, self.seconds
@@ -101,37 +103,46 @@ class Checkpoints:
             "starts": parts.starts.get_state(),
         }
         try:
-            write(self._folder / self._next, tensors, About(self._run.config_hash, parts.computed, *done))
-            self._newest = training.episode
-            self._next = other(self._next)
+            about = About(self._run.config_hash, parts.computed, *done, [*self._run.extended])
+            write(path, tensors, about)
+            return True
         except OSError as error:
             console.say(f"no checkpoint at episode {training.episode}: {error.strerror or error}")
-        self._wait()
+            return False
 
     def resume(self, in_a_grid: bool = False) -> None:
         """Restore the training from the newest intact checkpoint of this run, if there is one.
 
+        An extension without one begins with the last checkpoint of the run before, and never starts over.
         Damaged checkpoints are reported and deleted. After a checkpoint of other arithmetic the run would not
         end with the same bits: it is refused. It starts over with `overwrite=true`, or in a grid, where
         nobody may be there to choose.
+
+        Raises:
+            ConfigError: a checkpoint is of other arithmetic or another program, or that to extend is damaged.
         """
-        found, damaged = read_newest(self._folder, self._run.config_hash)
+        run, is_extension = self._run, self._run.extends is not None
+        paths = *(self._folder / name for name in NAMES), run.folder / LAST_CHECKPOINT
+        found, damaged = read_newest(paths, run.config_hash, run.extends)
+        if found is None and is_extension:
+            raise ConfigError(f"extend: {run.folder / LAST_CHECKPOINT} is damaged; allowed: a whole one")
         for path, reason in damaged.items():
             then = "the other checkpoint is used" if found else "the run starts over"
             console.say(f"checkpoint: {path} {reason}; {then}")
             remove(path)
         if found is None:
             return
-        name, about, tensors = found
-        parts, place = self._parts, f"{self._folder}, episode {about.episode},"
+        path, about, tensors = found
+        parts, place = self._parts, f"{path}, episode {about.episode},"
         if about.computed != parts.computed:
+            over = "" if is_extension else "; or overwrite=true to start over"
             differs = f"was computed by {about.computed}, and here it would be {parts.computed}"
-            if in_a_grid or self._run.config.overwrite:
+            if not is_extension and (in_a_grid or run.config.overwrite):
                 console.say(f"{place} {differs}; the run starts over")
                 return
             raise ConfigError(
                 f"output: {place} {differs}; allowed: the same machine, device=, fast=, "
-                "learn.precision= and learn.backend=; or overwrite=true to start over"
+                f"learn.precision= and learn.backend={over}"
             )
         try:
             parts.training.load_state_dict(strip_prefix("training", tensors))
@@ -144,9 +155,13 @@ class Checkpoints:
                 f"delete {self._folder} to start over"
             ) from None
         self._started -= about.seconds
-        self._newest, self._next = about.episode, other(name)
+        self._newest = about.episode
+        self._next = other(path.name) if path.name in NAMES else NAMES[0]
         self._wait()
-        console.say(f"resuming from the checkpoint at episode {about.episode} of {about.episodes}")
+        if about.config_hash == run.config_hash:
+            console.say(f"resuming from the checkpoint at episode {about.episode} of {about.episodes}")
+        else:
+            console.say(f"extending the run of {about.episodes} episodes to {self._episodes}")
 
     def stop(self) -> str:
         """Write a checkpoint; return a message that says where the training stopped and how to resume it."""
@@ -170,17 +185,21 @@ def write(path: Path, tensors: Mapping[str, Tensor], about: About) -> None:
 
 
 def read_newest(
-    folder: Path, config_hash: str
-) -> tuple[tuple[str, About, dict[str, Tensor]] | None, dict[Path, str]]:
-    """Return a run's newest intact checkpoint with its name, and what is wrong with damaged ones."""
+    paths: Iterable[Path], config_hash: str, extends: str | None = None
+) -> tuple[tuple[Path, About, dict[str, Tensor]] | None, dict[Path, str]]:
+    """Return a run's newest intact checkpoint with its path, and what is wrong with damaged ones.
+
+    The end of the run that it `extends` counts too.
+    """
     intact, damaged = [], {}
-    for path in filter(Path.exists, (folder / name for name in NAMES)):
+    for path in filter(Path.exists, paths):
         try:
             about, tensors = read(path)
         except CheckpointError as error:
             damaged[path] = str(error)
         else:
-            intact += [(path.name, about, tensors)] if about.config_hash == config_hash else []
+            is_own = about.config_hash == config_hash or (about.config_hash == extends and about.is_end)
+            intact += [(path, about, tensors)] if is_own else []
     return max(intact, key=lambda one: one[1].steps, default=None), damaged
 
 

@@ -8,6 +8,7 @@ import shutil
 import time
 from collections.abc import Iterator
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import torch
@@ -18,7 +19,7 @@ from ship_trl.config.arm import SCRATCH
 from ship_trl.config.errors import ConfigError
 from ship_trl.config.network import non_default_network
 from ship_trl.files.curve import CURVE, RunError
-from ship_trl.files.disk import sync
+from ship_trl.files.disk import remove, sync
 from ship_trl.files.record import SCHEMA_VERSION, RunRecord, SourceReturns, read_run
 from ship_trl.learn.algorithm import DivergedError
 from ship_trl.learn.train import Evaluated, Finished, Training
@@ -27,7 +28,7 @@ from ship_trl.policies.reference import best_known_return, is_course_best, rando
 from ship_trl.run import console
 from ship_trl.run.checkpoint import Checkpoints
 from ship_trl.run.history import History, to_evaluation, to_row
-from ship_trl.run.plan import ALGORITHM_VERSION, CHECKPOINTS, Run, find_result, hash_of
+from ship_trl.run.plan import ALGORITHM_VERSION, CHECKPOINTS, LAST_CHECKPOINT, Run, find_result, hash_of
 from ship_trl.run.process import (
     Stop,
     StoppedError,
@@ -72,7 +73,8 @@ def run_experiment(run: Run, place: str = "", recipe: str = "") -> RunRecord:
             source = read_source(run, find_source(run.source, run.title, place)) if run.source else given
             result = train_run(run, source, place)
         else:
-            console.say(f"{run.folder} is already finished; set seed= or output= to train another run")
+            then = "set seed= or output= to train another run, or learn.episodes= and extend=true to go on"
+            console.say(f"{run.folder} is already finished; {then}")
         conclude(run, result)
     release_memory()
     if place:
@@ -125,8 +127,9 @@ def conclude(run: Run, result: RunRecord) -> StoredNetwork:
 def train_run(run: Run, source: Source | None, place: str = "") -> RunRecord:
     """Train one network, and write all files into the run's folder, `result.json` last.
 
-    If an earlier process left a checkpoint of this run, the training resumes from it. The caller holds the
-    run's lock. `place` is the run's place in a grid, else empty.
+    If an earlier process left a checkpoint of this run, the training resumes from it. An extension begins
+    with the last checkpoint of the run before. The caller holds the run's lock. `place` is the run's place in
+    a grid, else empty.
 
     Raises:
         StoppedError: a signal asked to stop.
@@ -164,6 +167,8 @@ def train_run(run: Run, source: Source | None, place: str = "") -> RunRecord:
         sync(run.folder / CURVE)
         # Before the trackers, which may fail or wait for a network.
         result.write(run.folder)
+        if not run.config.checkpoint.keep:
+            remove(run.folder / LAST_CHECKPOINT)
         trackers.finish(result)
     return result
 
@@ -180,6 +185,7 @@ def train_until_stopped(
             # The signal may also have come while the checkpoint was written.
             if stop.asked is not None:
                 raise StoppedError(checkpoints.stop(), stop.asked)
+        checkpoints.write_last()
     except DivergedError as error:
         raise ConfigError(
             f"learn: {error}, at episode {training.episode} of {run.folder}{checkpoints.kept}; "
@@ -214,25 +220,27 @@ def write_files(run: Run, parts: Parts, known: float | None) -> None:
 def scratch_returns(run: Run) -> NDArray[np.float64] | None:
     """Return raw training returns [S, E] of runs from scratch that differ only in the transfer and the seed.
 
-    They are in the run's output folder or among the bundled curves; None if there are none.
+    They are in the run's output folder or among the bundled curves; None if there are none. Runs that were
+    extended to as many episodes count too.
     """
     scratch, manifest = run.config.with_arm(SCRATCH), pretrained.read()
 
-    def digest(seed: int, version: int | None = None) -> str:
+    def digest(seed: int, **given: Any) -> str:
         config = dataclasses.replace(scratch, seed=seed)
-        return hash_of(config, run.target, None, demonstrations=run.demonstrations, version=version)
+        return hash_of(config, run.target, None, demonstrations=run.demonstrations, **given)
 
     curves: dict[str, NDArray[np.float64]] = {}
     for label in sorted({run.config.label, run.target.name}):
         for folder in sorted((Path(scratch.output) / label / scratch.arm_label).glob("seed=*")):
             with contextlib.suppress(RunError):
                 found = read_run(folder)
-                returns = found.training.returns if found.config_hash == digest(found.seed) else ()
+                is_wanted = found.config_hash == digest(found.seed, extended=found.extended)
+                returns = found.training.returns if is_wanted else ()
                 # A copied curve may be truncated at the end of a line.
                 if len(returns) == scratch.learn.episodes:
                     curves[found.config_hash] = np.asarray(returns)
     seeds = {one["seed"] for one in manifest["runs"]}
-    bundled = {digest(seed, manifest["algorithm_version"]) for seed in seeds}
+    bundled = {digest(seed, version=manifest["algorithm_version"]) for seed in seeds}
     for name, rows in pretrained.training_returns(bundled).groupby("config_hash", sort=False):
         curves.setdefault(str(name), rows["return"].to_numpy())
     return np.stack(list(curves.values())) if curves else None
@@ -275,6 +283,7 @@ def make_result(run: Run, parts: Parts, known: float | None, seconds: float) -> 
         seconds=round(seconds, 1),
         teacher=parts.teacher,
         on_source=measure_source(run, parts),
+        extended=[*run.extended],
     )
 
 

@@ -15,7 +15,6 @@ from typing import Any
 
 from filelock import FileLock
 from omegaconf import OmegaConf
-from safetensors import SafetensorError, safe_open
 from yaml import YAMLError
 
 from ship_trl.config.arm import SCRATCH, Arm, SourceWeights
@@ -34,6 +33,7 @@ from ship_trl.foreign.suites import load_suite
 from ship_trl.learn.settings import TEACHERS
 from ship_trl.policies.demonstrations import Demonstration, read_demonstrations
 from ship_trl.policies.pretrained import PRETRAINED, REWARD_SCALE, Pretrained, find, is_pretrained, networks
+from ship_trl.run.header import read_header
 from ship_trl.sim.cases import Suite, describe, load_case, read_values
 from ship_trl.transfer.casebase import CONFIG, LOCKS, POLICY, POLICY_LAST, rank
 
@@ -48,12 +48,12 @@ LEARNED = (SourceWeights.learned, SourceWeights.pretrained)
 TEACHER = "algorithm.teacher"
 # Prefix of the name of a damaged result folder that a study has kept.
 DAMAGED = "damaged-"
-# Folder of checkpoints in a run's folder; it exists until the run is finished. Key of a checkpoint's header.
-CHECKPOINTS, HEADER_KEY = "checkpoint", "ship_trl"
+# Folder of checkpoints in a run's folder, until the run is finished. The last one stays there, to extend it.
+CHECKPOINTS, LAST_CHECKPOINT = "checkpoint", "checkpoint.safetensors"
 # Settings that do not change what a run learns.
 IGNORED_KEYS = {
     *("output", "case_base", "overwrite", "logger", "wandb", "checkpoint", "objective", "pair", "profile"),
-    "fast",
+    *("extend", "fast"),
 }
 MAX_DIFFERENCES_SHOWN = 3
 
@@ -65,7 +65,8 @@ class Run:
     `source` is the run that trains the source network; None if no source has to be trained. `config_hash` is
     a digest of everything that decides what is learned: the same hash gives the same network on the same
     machine and backend. `demonstrations` fill the replay before training. `source_suite` is what the source
-    network learned, if it did and if it can be evaluated without drawing.
+    network learned, if it did and if it can be evaluated without drawing. `extended` are the episodes at
+    which earlier runs ended, from which this one goes on; `extends` is the hash of the last of them.
     """
 
     config: Config
@@ -76,6 +77,8 @@ class Run:
     pretrained: Pretrained | None = None
     demonstrations: tuple[Demonstration, ...] = ()
     source_suite: Suite | None = None
+    extended: tuple[int, ...] = ()
+    extends: str | None = None
 
     @property
     def arm(self) -> Arm:
@@ -123,11 +126,15 @@ def make_run(config: Config) -> Run:
     """Plan the run of a checked configuration, and first the run that trains its source.
 
     Raises:
-        ConfigError: a case is missing or invalid, or the folder cannot be written, or holds another run.
+        ConfigError: a case is missing or invalid, the folder cannot be written, or holds another run, or none
+            to extend.
     """
     world = config.world
     target = load_suite(str(config.target), world, "target", config.perturbation, config.situations)
     config = resolve_pretrained(config, target)
+    # Without a pair, its label is the names of the cases.
+    folder = Path(config.output) / config.label / config.arm_label / f"seed={config.seed}"
+    extended = find_ends(folder, config.learn.episodes) if config.extend else ()
     source, pretrained, source_suite = None, None, None
     if not config.arm.is_scratch:
         origin = load_suite(str(config.source), world, "source", reading=config.situations)
@@ -136,22 +143,7 @@ def make_run(config: Config) -> Run:
         if config.arm.weights is SourceWeights.pretrained:
             pretrained = find(PRETRAINED, origin, "source", config.observation.name)
         elif config.source_file is None and config.arm.has_trained_source:
-            source_config = dataclasses.replace(
-                config.with_arm(SCRATCH),
-                pair=None,
-                target=config.source,
-                demonstrations=None,
-                # `overwrite=true` is meant for the target's folder only.
-                overwrite=False,
-            )
-            try:
-                source = make_run(source_config)
-            except TakenError as error:
-                raise ConfigError(
-                    f"output: {error.folder}, where the source would be trained, holds {error.held}; "
-                    "allowed: another output=FOLDER, or "
-                    f"{shlex.quote(override('target', config.source))} method=scratch overwrite=true first"
-                ) from None
+            source = make_source(first_config(config, extended))
         elif config.source_file is not None and not Path(config.source_file).is_file():
             raise ConfigError(f"source_file: no file {config.source_file}; allowed: a safetensors file")
     demonstrations: tuple[Demonstration, ...] = ()
@@ -162,12 +154,51 @@ def make_run(config: Config) -> Run:
     if target.is_drawn and reads_of(config.algorithm).is_on_policy:
         imitation, allowed = config.algorithm["imitation_coeff"], "0 where each episode has another start"
         require(not imitation, "algorithm.imitation_coeff", f"{allowed}, as in {target.name}", imitation)
-    digest = hash_of(config, target, source, pretrained, demonstrations)
-    # Without a pair, its label is the names of the cases.
-    folder = Path(config.output) / config.label / config.arm_label / f"seed={config.seed}"
-    run = Run(config, target, source, folder, digest, pretrained, demonstrations, source_suite)
+    given = target, source, pretrained, demonstrations
+    run = Run(
+        config,
+        target,
+        source,
+        folder,
+        hash_of(config, *given, extended=extended),
+        pretrained,
+        demonstrations,
+        source_suite,
+        extended,
+        hash_of(config.with_episodes(extended[-1]), *given, extended=extended[:-1]) if extended else None,
+    )
     check_folder(run)
     return run
+
+
+def make_source(config: Config) -> Run:
+    """Plan the run that trains a run's source.
+
+    Raises:
+        ConfigError: see `make_run`.
+    """
+    source_config = dataclasses.replace(
+        config.with_arm(SCRATCH),
+        pair=None,
+        target=config.source,
+        demonstrations=None,
+        # Both are meant for the target's folder only.
+        overwrite=False,
+        extend=False,
+    )
+    try:
+        return make_run(source_config)
+    except TakenError as error:
+        raise ConfigError(
+            f"output: {error.folder}, where the source would be trained, holds {error.held}; "
+            "allowed: another output=FOLDER, or "
+            f"{shlex.quote(override('target', config.source))} method=scratch overwrite=true first"
+        ) from None
+
+
+def first_config(config: Config, extended: Sequence[int]) -> Config:
+    """Return the configuration of the run with which an extended one began."""
+    return config.with_episodes(extended[0]) if extended else config
 
 
 def resolve_pretrained(config: Config, target: Suite) -> Config:
@@ -199,8 +230,12 @@ def hash_of(
     pretrained: Pretrained | None = None,
     demonstrations: Sequence[Demonstration] = (),
     version: int | None = None,
+    extended: Sequence[int] = (),
 ) -> str:
-    """Return a digest of everything that decides what is learned: twelve hex digits."""
+    """Return a digest of everything that decides what is learned: twelve hex digits.
+
+    That of an extended run is made of the digest of its first run, and of where each run ended.
+    """
     origin = source.config_hash if source else None
     if config.source_file is not None:
         origin = hashlib.sha256(Path(config.source_file).read_bytes()).hexdigest()
@@ -211,7 +246,7 @@ def hash_of(
         origin = f"pretrained {stem(str(config.source))} {pretrained.sha256}"
     elif config.arm.weights is SourceWeights.permuted:
         origin = f"permuted {origin}"
-    learn = plain(config.learn)
+    learn = plain(first_config(config, extended).learn)
     # Jumpstart draws do not change what is learned. Backends, like devices, only round differently.
     del learn["jumpstart_draws"], learn["backend"]
     if not target.is_drawn:
@@ -247,6 +282,12 @@ def hash_of(
         "demonstrations": [one.actions for one in demonstrations],
     }
     values |= {key: value for key, value in optional.items() if value}
+    first = digest_values(values)
+    return digest_values([first, *extended[1:], config.learn.episodes]) if extended else first
+
+
+def digest_values(values: Any) -> str:
+    """Return twelve hex digits of the SHA-256 of values for JSON."""
     return hashlib.sha256(json.dumps(values, sort_keys=True).encode()).hexdigest()[:12]
 
 
@@ -307,6 +348,26 @@ class TakenError(ConfigError):
         )
 
 
+def find_ends(folder: Path, episodes: int) -> tuple[int, ...]:
+    """Return where the runs in a folder ended that a run of `episodes` goes on from, the first one first.
+
+    Raises:
+        ConfigError: the folder holds no finished run, or one of as many episodes.
+    """
+    try:
+        # While it is extended, a run has no result.
+        held = read_run(folder) if (folder / RESULT).exists() else read_header(folder / LAST_CHECKPOINT)
+    except RunError as error:
+        raise ConfigError(f"extend: {folder} holds a damaged result: {error}; allowed: a whole one") from None
+    if held is None:
+        raise ConfigError(f"extend: {folder} holds no finished run; allowed: extend=false, which trains one")
+    if held.extended and episodes == held.episodes:
+        return tuple(held.extended)
+    allowed = f"more than {held.episodes} with extend=true, which {folder} has"
+    require(episodes > held.episodes, "learn.episodes", allowed, episodes)
+    return (*held.extended, held.episodes)
+
+
 def check_folder(run: Run) -> None:
     """Check, before a run begins, that its folder is writable and that no other run would be overwritten."""
     parent = next(folder for folder in (run.folder, *run.folder.parents) if folder.exists())
@@ -322,6 +383,7 @@ def find_result(run: Run) -> RunRecord | None:
 
     Raises:
         TakenError: the folder holds a run of other settings, finished or not, or a damaged result.
+        ConfigError: it holds another run than the one to extend, or not the checkpoint of its end.
     """
     held, folder = "", run.folder
     if (folder / RESULT).exists():
@@ -329,32 +391,40 @@ def find_result(run: Run) -> RunRecord | None:
             result = read_run(folder)
             if result.config_hash == run.config_hash:
                 return result
-            held = f"a finished run of other settings{list_differences(run)}"
+            held = describe_finished(run, result)
         except RunError as error:
             held = f"a damaged result: {error}"
     else:
-        hashes = set(map(read_hash, (folder / CHECKPOINTS).glob("*.safetensors")))
+        paths = [*(folder / CHECKPOINTS).glob("*.safetensors")] or [folder / LAST_CHECKPOINT]
+        headers = [read_header(path) for path in paths if path.exists()]
+        is_known = any(one and one.config_hash in (run.config_hash, run.extends) for one in headers)
         # Without a readable checkpoint, the folder may hold this run or another.
-        if hashes and run.config_hash not in hashes and ((told := list_differences(run)) or any(hashes)):
+        if headers and not is_known and ((told := list_differences(folder, run.config)) or any(headers)):
             held = f"an unfinished run of other settings{told}"
+    if held and run.extends:
+        allowed = "a run trained with checkpoint.keep=true and the same settings but for learn.episodes"
+        raise ConfigError(f"extend: {folder} holds {held}; allowed: {allowed}")
     if held and not run.config.overwrite:
         raise TakenError(folder, held)
     return None
 
 
-def read_hash(checkpoint: Path) -> str:
-    """Return the hash of the settings of a checkpoint's run, empty if it cannot be read."""
-    try:
-        with safe_open(checkpoint, framework="numpy") as file:
-            return str(json.loads(file.metadata()[HEADER_KEY])["config_hash"])
-    except (SafetensorError, OSError, ValueError, RecursionError, LookupError, TypeError):
-        return ""
+def describe_finished(run: Run, result: RunRecord) -> str:
+    """Describe a finished run of another hash in a run's folder; empty if the run can go on from it."""
+    folder, config = run.folder, run.config
+    if result.config_hash == run.extends:
+        last = read_header(folder / LAST_CHECKPOINT)
+        return "" if last and last.config_hash == run.extends else f"no {LAST_CHECKPOINT} of its end"
+    # A run to extend may have fewer episodes.
+    told = list_differences(folder, config.with_episodes(result.episodes) if run.extends else config)
+    extended = f", extended at episode {result.extended[-1]}" if result.extended else ""
+    return f"a finished run of other settings{told}{extended}"
 
 
-def list_differences(run: Run) -> str:
-    """List the first settings that differ in the run's folder, such as ` (learn.lr=0.001)`; may be empty."""
+def list_differences(folder: Path, config: Config) -> str:
+    """List the first settings that differ in a run's folder, such as ` (learn.lr=0.001)`; may be empty."""
     try:
-        found = differences(OmegaConf.to_container(read_yaml(run.folder / CONFIG)), run.config)
+        found = differences(OmegaConf.to_container(read_yaml(folder / CONFIG)), config)
     except (OSError, YAMLError):
         return ""
     return f" ({', '.join(found[:MAX_DIFFERENCES_SHOWN])})" if found else ""
@@ -392,11 +462,11 @@ def open_folder(run: Run, resume: bool = False) -> None:
     """Empty the run's folder and write its configuration.
 
     It deletes an unfinished run, or a run that `overwrite=true` replaces. With `resume` it keeps the
-    checkpoints, because everything else is written again.
+    checkpoints, because everything else is written again; so it does for a run that is extended.
     """
     run.folder.mkdir(parents=True, exist_ok=True)
     for path in run.folder.iterdir():
-        if path.name != CHECKPOINTS or not resume:
+        if path.name not in (CHECKPOINTS, LAST_CHECKPOINT) or not resume:
             remove(path)
     with atomic_write(run.folder / CONFIG) as draft:
         OmegaConf.save(OmegaConf.structured(run.config), draft)

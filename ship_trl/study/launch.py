@@ -50,6 +50,8 @@ def write_jobs(jobs: list[Job], config: StudyConfig) -> None:
         values |= {
             "output": str(study / job.part),
             "case_base": str(study / CASE_BASE),
+            # A study may have hundreds of runs, and a checkpoint takes more room than the rest of a run.
+            "checkpoint": {"keep": False},
             "wandb": {"folder": str(study), "group": study.name},
         }
         with atomic_write(folder / f"{job.name}.yaml") as draft:

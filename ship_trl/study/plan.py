@@ -75,7 +75,7 @@ SeedCount = Annotated[int, Field(ge=2)]
 # Keys that each job sets itself.
 JOB_KEYS = (
     *("pair", "source", "target", "source_file", "source_weights", "method", "layers", "arm", "seed"),
-    *("profile", "output", "case_base", "logger", "overwrite", "demonstrations", "sweep"),
+    *("profile", "output", "case_base", "logger", "overwrite", "extend", "demonstrations", "sweep"),
 )
 
 

@@ -38,8 +38,8 @@ def test_main_command_leaves_a_whole_result(trained: Path) -> None:
     outputs = trained / "outputs/smoke"
     for run in ("1/scratch/seed=0", "high/FT3/seed=0"):
         assert sorted(p.name for p in (outputs / run).iterdir()) == [
-            "config.yaml", "curve.csv", "curve.png", "episode.gif", "policy.safetensors",
-            "policy_last.safetensors", "result.json",
+            "checkpoint.safetensors", "config.yaml", "curve.csv", "curve.png", "episode.gif",
+            "policy.safetensors", "policy_last.safetensors", "result.json",
         ]  # fmt: skip
     result = json.loads((outputs / "high/FT3/seed=0/result.json").read_text())
     assert (result["arm"], result["source"], result["target"], result["episodes"]) == ("FT3", "1", "2", 3)

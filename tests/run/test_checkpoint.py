@@ -10,10 +10,10 @@ import pytest
 import torch
 from torch import Tensor
 
-from ship_trl.run.checkpoint import NAMES, About, Checkpoints, read_newest, write
-from ship_trl.run.plan import read_hash
+from ship_trl.run.checkpoint import NAMES, Checkpoints, read_newest, write
+from ship_trl.run.header import About, read_header
 
-ABOUT = About("0123456789ab", "float32 dense cpu", 5, 100, 150, 12.5)
+ABOUT = About("0123456789ab", "float32 dense cpu", 5, 100, 150, 12.5, [])
 
 
 def tensors(step: int) -> dict[str, Tensor]:
@@ -37,15 +37,15 @@ def written(folder: Path, *steps: int) -> tuple[Path, ...]:
 
 
 def newest(folder: Path) -> About:
-    found, _ = read_newest(folder, ABOUT.config_hash)
+    found, _ = read_newest([folder / name for name in NAMES], ABOUT.config_hash)
     assert found is not None
     return found[1]
 
 
 def test_the_newest_is_read(tmp_path: Path) -> None:
     paths = written(tmp_path, 90, 60)
-    found, damaged = read_newest(tmp_path, ABOUT.config_hash)
-    assert found is not None and found[:2] == (NAMES[0], at(90)) and damaged == {}
+    found, damaged = read_newest(paths, ABOUT.config_hash)
+    assert found is not None and found[:2] == (paths[0], at(90)) and damaged == {}
     for name, value in tensors(90).items():
         assert torch.equal(found[2][name], value)
     paths[0].unlink()
@@ -75,17 +75,25 @@ def lie(path: Path) -> None:
 def test_a_damaged_checkpoint_is_named_and_the_previous_is_read(
     damage: Callable[[Path], None], tmp_path: Path
 ) -> None:
-    _, path = written(tmp_path, 30, 60)
-    damage(path)
+    paths = written(tmp_path, 30, 60)
+    damage(paths[1])
     assert newest(tmp_path) == at(30)
-    ((named, reason),) = read_newest(tmp_path, ABOUT.config_hash)[1].items()
-    assert named == path and "\n" not in reason
+    ((named, reason),) = read_newest(paths, ABOUT.config_hash)[1].items()
+    assert named == paths[1] and "\n" not in reason
 
 
 def test_a_checkpoint_of_other_settings_is_not_read(tmp_path: Path) -> None:
-    path, _ = written(tmp_path, 30, 60)
-    assert read_newest(tmp_path, "another hash") == (None, {})
-    assert read_hash(path) == ABOUT.config_hash and read_hash(tmp_path / "none") == ""
+    paths = written(tmp_path, 30, 60)
+    assert read_newest(paths, "another hash") == (None, {})
+    assert read_header(paths[0]) == at(30) and read_header(tmp_path / "none") is None
+
+
+def test_only_the_end_of_the_run_to_extend_is_read(tmp_path: Path) -> None:
+    paths = written(tmp_path, 3000, 60)
+    for extends, found in ((ABOUT.config_hash, paths[0]), ("another", None)):
+        read = read_newest(paths, "an extension", extends)[0]
+        assert (read and read[0]) == found
+    assert read_newest(paths[1:], "an extension", ABOUT.config_hash) == (None, {})
 
 
 def test_a_checkpoint_is_due_by_episodes_and_time(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

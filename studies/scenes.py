@@ -11,15 +11,14 @@ from __future__ import annotations
 
 import sys
 from collections import Counter
-from collections.abc import Iterable
 from concurrent.futures import ProcessPoolExecutor
 from dataclasses import astuple
 from functools import partial
 from itertools import count
-from pathlib import Path
 
 from torch import Generator
 
+from ship_trl.cli.exam import write_scenes
 from ship_trl.cli.parser import make_parser
 from ship_trl.config.paths import conf_dir
 from ship_trl.config.types import EncounterClass, World
@@ -27,9 +26,6 @@ from ship_trl.fast.worlds import make_starts
 from ship_trl.policies.planner import best_plan
 from ship_trl.policies.reference import BUNDLED_PLANS, plan_name, save_plan
 from ship_trl.sim.cases import (
-    MAX_SHIPS,
-    SHIP_COLUMNS,
-    TABLE_COLUMNS,
     Case,
     Scene,
     TargetShip,
@@ -39,7 +35,6 @@ from ship_trl.sim.cases import (
 )
 from ship_trl.sim.encounter import Encounter, classify, relative_motion
 from ship_trl.sim.state import SHIP_COUNT, first_case
-from ship_trl.study.report.tables import write_csv
 
 # 15 strata of 32 scenes with ships, and 20 scenes without.
 ROOM, EMPTY_ROOM = 32, 20
@@ -64,17 +59,6 @@ def draw_case(seed: int, world: World) -> tuple[tuple[int, str], Case]:
     found = [TargetShip(*one) for one in places]
     case = Case([0.0, 0.0], 90.0, [0.0, 600.0], encounter, found, f"traffic_{seed}")
     return (ships, encounter), case
-
-
-def write_scenes(path: Path, scenes: Iterable[Scene]) -> None:
-    """Write a table of scenes. The class of encounter is the case's `ideal_path`."""
-    rows = []
-    for case, best_return, actions in scenes:
-        numbers = [f"{number:.4f}" for ship in case.target_ships for number in astuple(ship)[:4]]
-        numbers += [""] * (len(SHIP_COLUMNS) * MAX_SHIPS - len(numbers))
-        cells = case.name, case.ideal_path, *numbers, f"{best_return:.3f}", "".join(map(str, actions))
-        rows.append(dict(zip(TABLE_COLUMNS, cells, strict=True)))
-    write_csv(path, rows)
 
 
 def write_table() -> None:

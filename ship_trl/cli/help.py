@@ -11,6 +11,7 @@ VERBS = {
     "record": "record policies as GIF, MP4, PNG frames or a chart of paths; no screen needed",
     "play": "steer a ship yourself",
     "evaluate": "evaluate policies: networks, random, the planner, your own",
+    "exam": "find where policies fail: a map of all encounters with one ship, and an adversary",
     "cases": "list the cases and their similarity, and recommend a source for a target",
     "results": "tables and curves of finished runs, and metrics of transfer from any library's logs",
     "explain": "explain what a network has learned to see, on one page",

@@ -441,7 +441,7 @@ def load_suite(
 
 
 class Scene(NamedTuple):
-    """A case, and its best known plan: undiscounted raw return and action indices."""
+    """A case, and its best known plan: undiscounted raw return, NaN without a plan, and action indices."""
 
     case: Case
     best_return: float
@@ -465,5 +465,7 @@ def _to_scene(cells: Cells) -> Scene:
         if any(values.values()):
             ships.append(read_as(TargetShip, values, f"{where}ship {place}: "))
     case = Case([0.0, 0.0], 90.0, [0.0, 600.0], cells["encounter"], ships, cells["name"])
-    best_return = read_as(float, cells["best_return"], where, key="best_return")
+    # Without a plan the cell is empty.
+    known = cells["best_return"]
+    best_return = read_as(float, known, where, key="best_return") if known else math.nan
     return Scene(case, best_return, [int(digit) for digit in cells["actions"]])

@@ -5,9 +5,9 @@ import pytest
 import torch
 
 from ship_trl.config.types import World
-from ship_trl.policies.adversary import CHILDREN, keep_speeds, search
-from ship_trl.policies.exam import are_drawn, are_solvable, run_scenes
-from tests.policies.test_exam import entry
+from ship_trl.policies.adversary import CHILDREN, change, keep_speeds, search
+from ship_trl.policies.exam import are_drawn, are_solvable, place_ships, run_scenes
+from tests.policies.test_exam import entry, some_states
 
 
 @pytest.mark.parametrize("is_random", [False, True])
@@ -23,6 +23,21 @@ def test_found_scenes_fail_and_keep_the_bounds(is_random: bool, world: World) ->
     assert traffic is not None
     assert are_drawn(found.scenes, traffic).all() and keep_speeds(found.scenes, traffic).all()
     assert are_solvable(found.scenes, world).all()
+
+
+def test_changed_scenes_keep_the_bounds(world: World) -> None:
+    vo, states = entry("vo", world), some_states(world, 400, ships=2)
+    traffic = vo.suite.traffic
+    assert traffic is not None
+    changed, kept = change(states, np.full(400, 0.2), vo, np.random.default_rng(0))
+    assert 40 < kept.sum() < 360 and not torch.equal(changed, states)
+    some = changed[torch.from_numpy(kept)]
+    assert (are_drawn(some, traffic) & keep_speeds(some, traffic) & are_solvable(some, world)).all()
+    # Fast ships only overtake: 20 and 10 m/s from ahead, 20 m/s from astern.
+    states = some_states(world, 3)
+    numbers = [[np.pi, 20.0, 20.0, 0.0], [np.pi, 10.0, 20.0, 0.0], [0.0, 20.0, 20.0, 0.0]]
+    place_ships(states, np.array(numbers)[:, None])
+    assert keep_speeds(states, traffic).tolist() == [False, True, True]
 
 
 def test_a_search_changes_scenes(world: World, monkeypatch: pytest.MonkeyPatch) -> None:

@@ -13,7 +13,7 @@ from torchrl.objectives import SoftUpdate
 from ship_trl import make_env
 from ship_trl.learn.network import DuelingNetwork
 from ship_trl.learn.q_learning import DoubleDQNLoss
-from ship_trl.learn.replay import DrawPixels, StateReplay
+from ship_trl.learn.replay import DrawStates, StateReplay
 from ship_trl.learn.rollout import EpsilonGreedy, greedy_policy, rollout
 
 
@@ -39,7 +39,7 @@ def main(steps: int) -> None:
     network = DuelingNetwork(1, actions, generators[0])
     loss = CautiousLoss(QValueActor(network, in_keys=["pixels"], action_space="categorical"), gamma=0.95)
     target_update, optimiser = SoftUpdate(loss, tau=0.02), torch.optim.Adam(network.parameters(), 5e-4)
-    replay = StateReplay(10_000, 0.1, generators[1], env.device, transform=DrawPixels(draw))
+    replay = StateReplay(10_000, 0.1, generators[1], env.device, transform=DrawStates(draw))
     policy = EpsilonGreedy(lambda state: network(draw(state)).argmax(-1), "state", actions, generators[2])
     current = env.reset()
     for time in range(0, steps, env.batch_size[0]):

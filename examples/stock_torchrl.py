@@ -19,7 +19,7 @@ from torchrl.objectives import DQNLoss, SoftUpdate
 
 from ship_trl import make_env
 from ship_trl.learn.network import DuelingNetwork
-from ship_trl.learn.replay import DrawPixels
+from ship_trl.learn.replay import DrawStates
 from ship_trl.learn.rollout import greedy_policy, rollout
 
 
@@ -47,7 +47,7 @@ def main() -> None:
         postproc=lambda steps: steps.exclude("pixels", "action_value", "chosen_action_value"),
     )
     replay = TensorDictReplayBuffer(
-        storage=LazyTensorStorage(10_000), batch_size=32, transform=DrawPixels(env.rasteriser)
+        storage=LazyTensorStorage(10_000), batch_size=32, transform=DrawStates(env.rasteriser)
     )
     loss_module = DQNLoss(policy[1], double_dqn=True, action_space="categorical", loss_function="smooth_l1")
     loss_module.make_value_estimator(gamma=0.95)

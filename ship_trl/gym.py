@@ -35,9 +35,11 @@ from ship_trl.config.types import Observation
 from ship_trl.fast.draw import CompiledDrawing
 from ship_trl.fast.observe import CompiledVector
 from ship_trl.fast.step import CompiledStep
+from ship_trl.fast.track import CompiledTracker
 from ship_trl.fast.worlds import make_starts
 from ship_trl.foreign.suites import load_changed
 from ship_trl.sim import scene
+from ship_trl.sim.encounter import Tracker
 from ship_trl.sim.render import Rasteriser
 from ship_trl.sim.replay import Replay, with_replay
 from ship_trl.sim.transition import Transition
@@ -122,6 +124,7 @@ class ShipCollisionVectorEnv(gymnasium.vector.VectorEnv[Observations, NDArray[np
         # Compiled loops on arrays: through tensors the step of one ship takes five times as long.
         self._step = CompiledStep(Transition(replace(self.world, max_steps=limit)))
         self._replay = with_replay(self._step, self.suite, self.world)
+        self._track = CompiledTracker(Tracker(self.world)).into
         rasteriser = Rasteriser(self.world, colour=colour, vector_time=ahead)
         self._draw = CompiledDrawing(rasteriser)
         self._generators = [Generator() for _ in range(num_envs)]
@@ -187,6 +190,9 @@ class ShipCollisionVectorEnv(gymnasium.vector.VectorEnv[Observations, NDArray[np
         else:
             drawn = [self._starts.sample(1, self._generators[row]) for row in rows.nonzero()[0]]
             self._state[rows] = torch.cat(drawn).numpy()
+        begun = self._state[rows]
+        self._track(begun, begun)
+        self._state[rows] = begun
         self._first_state[rows] = self._state[rows]
 
     def step(
@@ -234,6 +240,7 @@ class ShipCollisionVectorEnv(gymnasium.vector.VectorEnv[Observations, NDArray[np
         if isinstance(self._replay, Replay):
             state = self._replay.turn(torch.from_numpy(state)).numpy()
         self._step.step_into(state, chosen, after, reward, flags, distance)
+        self._track(self._state, after)
         self._state, self._least_distance = after, np.minimum(self._least_distance, distance)
         return reward, flags
 

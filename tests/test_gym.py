@@ -427,7 +427,7 @@ def test_it_shows_what_the_network_sees_channels_last(colour: bool, vector_time:
 def test_as_a_vector_it_gives_the_numbers_of_the_networks() -> None:
     env, observe = gymnasium.make(ENV_ID, case="traffic", observation="vector"), VectorObservation
     check_sb3(env.unwrapped, warn=True)
-    wanted = observe(load_world(), load_network("vector").ships)
+    wanted = observe.of(load_network("vector"), load_world())
     for observation, info in (env.reset(seed=3), env.step(np.int64(0))[::4]):
         assert observation in env.observation_space and observation.dtype == np.float32
         np.testing.assert_allclose(observation, wanted(torch.from_numpy(info["state"])), rtol=0, atol=2e-6)

@@ -17,8 +17,8 @@ from ship_trl.config.schema import MAX_INTEGER, rule
 KNOT, NAUTICAL_MILE = 1852 / 3600, 1852.0
 # Side in pixels of the picture that the network sees.
 PICTURE = 84
-# Numbers in the vector that it sees: of own ship, and of each target ship.
-OWN_NUMBERS, SHIP_NUMBERS = 5, 10
+# Numbers in the vector that it sees: of own ship, of each target ship, and of their encounter.
+OWN_NUMBERS, SHIP_NUMBERS, ENCOUNTER_NUMBERS = 5, 10, 9
 # Episodes and steps only take time: a run of a billion would take years.
 MAX_COUNT, MAX_DRAWS = 10**9, 10**6
 # At this number of steps the planner's table of returns takes 2.3 GB.

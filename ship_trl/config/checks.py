@@ -29,7 +29,7 @@ from ship_trl.config.types import BackendName, Config, Learn, bfloat16_allowed, 
 MAX_BYTES = 2**33
 # A weight has a gradient, Adam's two means, and its copy in the target network. A map is held forward and
 # backward. A transition has two states of eight target ships.
-WEIGHT_BYTES, MAP_BYTES, TRANSITION_BYTES = 20, 12, 406
+WEIGHT_BYTES, MAP_BYTES, TRANSITION_BYTES = 20, 12, 726
 # The planner tries each motion from that many rows a step, at 96 angles.
 MOTION_BYTES = 2 * 96 * 200
 # Metres of an episode, up to which 32-bit numbers still resolve decimetres.
@@ -46,6 +46,7 @@ class Reads:
         is_default: whether files and digests leave it out.
         is_on_policy: whether it learns from its own actions alone, without replay and Q-values.
         is_distilled: whether it learns the Q-values of a teacher.
+        has_expert: whether that teacher is an expert that plans in the simulator.
         batch_key: its own key of a batch's size, in place of `learn.batch_size`.
         unnamed_without: its own keys that files and digests leave out where the key before them is 0.
     """
@@ -55,6 +56,7 @@ class Reads:
     is_default: bool = False
     is_on_policy: bool = False
     is_distilled: bool = False
+    has_expert: bool = False
     batch_key: str = ""
     unnamed_without: Mapping[str, tuple[str, ...]] = field(default_factory=dict)
 

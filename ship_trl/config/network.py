@@ -81,7 +81,7 @@ def linear_sizes(network: Network) -> list[tuple[int, int]]:
     A layer for one ship takes own ship's numbers and this ship's. The first layer after those takes sums and
     maxima over the ships, and own ship's numbers again.
     """
-    below = network.own_numbers + SHIP_NUMBERS if network.per_ship else network.inputs
+    below = network.own_numbers + network.ship_numbers if network.per_ship else network.inputs
     sizes = []
     for n, width in enumerate(network.linear, 1):
         sizes.append((below, width))

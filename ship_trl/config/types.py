@@ -81,9 +81,9 @@ class GiveWay:
     turns at `turn` rad/s.
     """
 
-    tcpa: bounds.Seconds = 20.0
+    tcpa: bounds.Seconds = 30.0
     dcpa: bounds.Bound = 90.0
-    turn: Annotated[float, Field(ge=0, le=1)] = 0.05
+    turn: Annotated[float, Field(ge=0, le=1)] = 0.1
 
 
 @dataclass
@@ -166,11 +166,13 @@ class Margin:
     """What training alone adds to the reward, so that ships keep more than the safe distance.
 
     A step that passes a target ship inside `distance` (m) costs up to `penalty`: nothing at `distance`, all
-    of it at the safe distance.
+    of it at the safe distance. An episode in which the steering rules are kept in full earns about `rules`
+    (`sim.rules`).
     """
 
     distance: bounds.Bound = 0.0
     penalty: bounds.Bound = 0.0
+    rules: bounds.Bound = 0.0
 
 
 @dataclass
@@ -193,7 +195,8 @@ class Network:
     `conv` lists conv layers from the picture on, each [filters, kernel, stride], square and without padding.
     `hidden` is the width of the fully connected layer behind them, which value and advantage share.
     `linear` lists the widths of fully connected layers, in place of both; they see the nearest `ships`. The
-    first `per_ship` of them see own ship and one target ship at a time. `vector_time` is the time whose way
+    first `per_ship` of them see own ship and one target ship at a time. With `encounters` they also see what has
+    happened since an encounter began. `vector_time` is the time whose way
     the speed vectors show in the picture that the conv layers see; 0 draws none.
     """
 
@@ -203,6 +206,7 @@ class Network:
     ships: Annotated[int, Field(ge=0, le=bounds.MAX_SHIPS)] = 0
     per_ship: Annotated[int, Field(ge=0, le=bounds.MAX_UNITS)] = 0
     vector_time: bounds.Seconds = 0.0
+    encounters: bool = False
 
     @property
     def own_numbers(self) -> int:
@@ -210,9 +214,14 @@ class Network:
         return bounds.OWN_NUMBERS
 
     @property
+    def ship_numbers(self) -> int:
+        """How many numbers of each target ship a vector has."""
+        return bounds.SHIP_NUMBERS + bounds.ENCOUNTER_NUMBERS * self.encounters
+
+    @property
     def inputs(self) -> int:
         """How many numbers a vector has."""
-        return self.own_numbers + bounds.SHIP_NUMBERS * self.ships
+        return self.own_numbers + self.ship_numbers * self.ships
 
     @property
     def depth(self) -> int:

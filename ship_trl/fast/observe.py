@@ -9,7 +9,7 @@ import math
 
 import numpy as np
 
-from ship_trl.config.bounds import OWN_NUMBERS, SHIP_NUMBERS
+from ship_trl.config.bounds import ENCOUNTER_NUMBERS, OWN_NUMBERS, SHIP_NUMBERS
 from ship_trl.fast.jit import compiled
 from ship_trl.fast.step import ONE, ZERO, Array
 from ship_trl.sim import scene, state, vector
@@ -17,11 +17,15 @@ from ship_trl.sim import scene, state, vector
 VIEW, TCPA, DCPA = np.float32(scene.VIEW_RADIUS), np.float32(vector.TCPA), np.float32(vector.DCPA)
 MAX_SIZE, MIN_SPEED2 = np.float32(vector.MAX_SIZE), np.float32(vector.MIN_SPEED**2)
 LEAST = np.float32(1e-6)
+CLASSES = np.array(vector.CLASSES, np.int64)
+ENCOUNTER = len(CLASSES)
+SINCE, TURNED = np.float32(vector.SINCE), np.float32(vector.TURNED)
+PI, CIRCLE = np.float32(math.pi), np.float32(2 * math.pi)
 
 
 @compiled()
 def observe_ship(row: Array, ship: int, cos: float, sin: float, max_speed: float, seen: Array) -> None:
-    """Write the numbers of a target ship into `seen` [10]: its own begin at `ship` in a state, `row` [S].
+    """Write the first numbers of a target ship into `seen`: its own begin at `ship` in a state, `row` [S].
 
     `cos` and `sin` are of own ship's heading.
     """
@@ -40,14 +44,28 @@ def observe_ship(row: Array, ship: int, cos: float, sin: float, max_speed: float
     seen[4], seen[5], seen[6] = distance / VIEW, left / away, ahead / away
     seen[7] = min(max(time, -MAX_SIZE), MAX_SIZE)
     seen[8] = min(max(passing, -MAX_SIZE), MAX_SIZE)
-    seen[9] = ONE
 
 
 @compiled()
-def observe(states: Array, max_speed: float, max_turn: float, seen: Array) -> None:
+def observe_encounter(row: Array, ship: int, max_turn: float, dt: float, seen: Array) -> None:
+    """Write the numbers of an encounter into `seen`; the ship's begin at `ship` in a state, `row` [S]."""
+    kind = int(row[ship + state.SHIP_CLASS])
+    is_on = np.float32(kind != 0)
+    turned = row[state.HEADING] - row[ship + state.SHIP_ONSET_HEADING] + PI
+    turned -= CIRCLE * np.float32(math.floor(turned / CIRCLE)) + PI
+    seen[0] = row[ship + state.SHIP_TURN] / max_turn
+    for k in range(ENCOUNTER):
+        seen[1 + k] = np.float32(kind == CLASSES[k])
+    seen[1 + ENCOUNTER] = (row[state.STEP] - row[ship + state.SHIP_ONSET]) * dt / SINCE * is_on
+    seen[2 + ENCOUNTER] = turned / TURNED * is_on
+    seen[3 + ENCOUNTER] = row[ship + state.SHIP_ACTION]
+
+
+@compiled()
+def observe(states: Array, max_speed: float, max_turn: float, dt: float, ships: int, seen: Array) -> None:
     """Write what is observed of states [N, S] into `seen` [N, F]; the rest is of `VectorObservation`."""
-    places = (states.shape[1] - state.OWN_SIZE) // state.SHIP_SIZE
-    shown = (seen.shape[1] - OWN_NUMBERS) // SHIP_NUMBERS
+    places, shown = (states.shape[1] - state.OWN_SIZE) // state.SHIP_SIZE, max(1, ships)
+    size = (seen.shape[1] - OWN_NUMBERS) // shown
     distance2 = np.empty(places, np.float32)
     for n in range(states.shape[0]):
         row, numbers = states[n], seen[n]
@@ -68,10 +86,13 @@ def observe(states: Array, max_speed: float, max_turn: float, seen: Array) -> No
             for other in range(count):
                 is_first = other < k and distance2[other] == distance2[k]
                 nearer += int(distance2[other] < distance2[k] or is_first)
-            if nearer < shown:
-                first = OWN_NUMBERS + SHIP_NUMBERS * nearer
-                place = numbers[first : first + SHIP_NUMBERS]
-                observe_ship(row, state.OWN_SIZE + state.SHIP_SIZE * k, cos, sin, max_speed, place)
+            if nearer < ships:
+                first, ship = OWN_NUMBERS + size * nearer, state.OWN_SIZE + state.SHIP_SIZE * k
+                place = numbers[first : first + size]
+                observe_ship(row, ship, cos, sin, max_speed, place)
+                if size > SHIP_NUMBERS:
+                    observe_encounter(row, ship, max_turn, dt, place[SHIP_NUMBERS - 1 :])
+                place[size - 1] = ONE
 
 
 class CompiledVector:
@@ -81,11 +102,13 @@ class CompiledVector:
     """
 
     def __init__(self, reference: vector.VectorObservation) -> None:
-        self.size = OWN_NUMBERS + SHIP_NUMBERS * reference.ships
-        self._largest = np.float32(reference.max_speed), np.float32(reference.max_turn)
+        numbers = SHIP_NUMBERS + ENCOUNTER_NUMBERS * reference.encounters
+        self.size, self._ships = OWN_NUMBERS + numbers * reference.ships, reference.ships
+        units = reference.max_speed, reference.max_turn, reference.dt
+        self._units = tuple(map(np.float32, units))
 
     def __call__(self, states: Array) -> Array:
         """Observe states float32 [N, S]; return float32 [N, F]."""
         seen = np.empty((len(states), self.size), np.float32)
-        observe(states, *self._largest, seen)
+        observe(states, *self._units, self._ships, seen)
         return seen

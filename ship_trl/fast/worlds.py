@@ -13,6 +13,7 @@ from ship_trl.fast.graphs import Captured
 from ship_trl.learn.algorithm import Accelerator
 from ship_trl.learn.network import Backend, Draw
 from ship_trl.sim.cases import Case, Suite
+from ship_trl.sim.encounter import Track, Tracker
 from ship_trl.sim.env import Engine, ShipEnv
 from ship_trl.sim.render import Drawing, Rasteriser
 from ship_trl.sim.starts import Starts, TrafficStarts
@@ -45,6 +46,14 @@ class Fast(Slow):
         from ship_trl.fast.step import CompiledStep
 
         return CompiledStep(transition)
+
+    def tracker(self, tracker: Tracker) -> Track:
+        """Make what writes into states what has happened."""
+        if tracker.device.type != "cpu":
+            return Captured(tracker) if tracker.device.type == "cuda" else tracker
+        from ship_trl.fast.track import CompiledTracker
+
+        return CompiledTracker(tracker)
 
     def drawing(self, rasteriser: Rasteriser) -> Drawing:
         """Make the drawing."""

@@ -13,7 +13,7 @@ from ship_trl.learn.algorithm import Algorithm, Setup, add_prefix, epsilon_at, s
 from ship_trl.learn.hooks import LearningHooks
 from ship_trl.learn.network import Dense, Draw, DuelingNetwork
 from ship_trl.learn.q_learning import double_dqn_loss, read_batch, update
-from ship_trl.learn.replay import DrawPixels, StateReplay, make_batch
+from ship_trl.learn.replay import DrawStates, StateReplay, make_batch
 from ship_trl.learn.rollout import EpsilonGreedy
 
 # Key of the observations of frozen layers, which the replay stores next to states.
@@ -55,7 +55,7 @@ class DoubleDQN(Algorithm):
             setup.replay,
             device,
             self.stored,
-            None if self.encoders else DrawPixels(self.draw),
+            None if self.encoders else DrawStates(self.draw, network.observes),
             encode=self.encoders.get(FEATURES),
             n=n,
             gamma=learn.gamma,
@@ -74,11 +74,8 @@ class DoubleDQN(Algorithm):
         self._find_learning()
 
     def make_encoders(self) -> dict[str, Draw]:
-        """Return the observations that the replay stores beside or in place of states."""
+        """Return the observations that the replay stores beside states."""
         network = self.online_network
-        if network.config.linear:
-            # Quick to read and small, so the replay stores them in place of states.
-            return {network.observes: self.draw}
         never_learn = min(map(self.method.frozen_layers, (0.0, 1.0)))
         if never_learn >= network.linear_from and not isinstance(network.backend, Dense):
             return {FEATURES: self.frozen_features}

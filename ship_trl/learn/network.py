@@ -9,7 +9,6 @@ import torch
 import torch.nn.functional as F
 from torch import Generator, Tensor, nn
 
-from ship_trl.config.bounds import SHIP_NUMBERS
 from ship_trl.config.network import (
     Geometry,
     geometry,
@@ -294,6 +293,9 @@ class VectorNetwork(DuelingNetwork):
     """
 
     observes = "vector"
+    # The nearest ships come first, and the last places are often empty in a whole batch. On a GPU, and where the
+    # network is compiled or stacked, shapes must not depend on values.
+    skips_empty_places = False
 
     def _add_layers(self, inputs: int) -> tuple[tuple[str, ...], int, int]:
         """Add the layers below `shared`; return `layer_names`, the inputs of `shared` and its width."""
@@ -346,9 +348,12 @@ class VectorNetwork(DuelingNetwork):
         return torch.cat((own.to(x.dtype), x.sum(-2), x.amax(-2)), -1)
 
     def _split_ships(self, observation: Tensor) -> tuple[Tensor, Tensor]:
-        """Return own ship's numbers [..., O] and those of target ships [..., K, SHIP_NUMBERS]."""
+        """Return own ship's numbers [..., O] and those of target ships [..., K, M]."""
         own = self.config.own_numbers
-        ships = observation[..., own:].unflatten(-1, (self.config.ships, SHIP_NUMBERS))
+        ships = observation[..., own:].unflatten(-1, (self.config.ships, self.config.ship_numbers))
+        if self.skips_empty_places and ships.numel():
+            taken = ships[..., -1].ne(0).flatten(0, -2).any(0).nonzero()
+            ships = ships[..., : 1 + int(taken[-1]) if len(taken) else 1, :]
         return observation[..., :own], ships
 
 

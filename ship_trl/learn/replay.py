@@ -24,11 +24,11 @@ STRIDE = "stride"
 MAX_PENDING = 256
 
 
-class DrawPixels(Transform):
-    """Adds `pixels` to a batch: `draw` maps each state [..., S] to uint8 [..., C, 84, 84]."""
+class DrawStates(Transform):
+    """Adds what a network observes to a batch, under `key`: `draw` maps states [..., S] to its input."""
 
-    def __init__(self, draw: Callable[[Tensor], Tensor]) -> None:
-        super().__init__(in_keys=[*STATES], out_keys=["pixels", ("next", "pixels")])
+    def __init__(self, draw: Callable[[Tensor], Tensor], key: str = "pixels") -> None:
+        super().__init__(in_keys=[*STATES], out_keys=[key, ("next", key)])
         self.draw = draw
 
     def _apply_transform(self, obs: Tensor) -> Tensor:
@@ -161,7 +161,7 @@ class StateReplay(TensorDictReplayBuffer):
         generator: draws the batches.
         device: device of the stored transitions.
         observation: the key that is stored: `state`, or `features` where layers are frozen.
-        transform: applied to batches, for example `DrawPixels`.
+        transform: applied to batches, for example `DrawStates`.
         batch_size: default of `sample()` and of iteration.
         encode: maps states [N, S] to the observation [N, ...]. The replay then stores both, but a checkpoint
             only the states: observations are a hundred times larger.

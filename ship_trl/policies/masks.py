@@ -16,41 +16,28 @@ from torch import Tensor
 from ship_trl.config.types import World
 from ship_trl.learn.rollout import Policy
 from ship_trl.policies.manoeuvres import Manoeuvres
-from ship_trl.policies.metrics import COLLISION, STAGE4
-from ship_trl.sim.encounter import Encounter, Encounters, are_ruled, relative_motion
-from ship_trl.sim.state import STEP
+from ship_trl.sim.encounter import relative_motion
+from ship_trl.sim.rules import COLLISION, STAGE4, keeps_clear, stands_on
+from ship_trl.sim.state import SHIP_CLASS, STEP, target_ships
 
 # How much a rate of turn counts beside a speed, where a policy has no values: 0.1 rad/s as 10 m/s.
 TURN_WEIGHT = 100.0
 
 
 class RulesMask:
-    """Says which actions the steering rules leave: `mask(state)` maps states [N, S] to bool [N, A].
-
-    It remembers the encounters of each row; step 0 begins a new episode.
-    """
+    """Says which actions the steering rules leave: `mask(state)` maps states [N, S] to bool [N, A]."""
 
     def __init__(self, world: World) -> None:
-        safe = world.safe_distance
-        # As the scores of the rules count encounters.
-        self.encounters = Encounters(safe * 4 / 3, 30.0, 2 * safe)
-        self.near = STAGE4 * safe / COLLISION
+        self.near = STAGE4 * world.safe_distance / COLLISION
         turn = torch.tensor(world.actions)[:, 1]
         self.to_port, self.straight = turn > 0, torch.arange(len(turn)) == world.straight_action
 
     def __call__(self, state: Tensor) -> Tensor:
         """Return the allowed actions."""
-        motion = relative_motion(state)
-        ruled = motion._replace(dcpa=motion.dcpa.masked_fill(~are_ruled(state, motion), torch.inf))
-        classes = self.encounters.update(state, ruled)
-        keeps_clear = (
-            (classes == Encounter.HEAD_ON)
-            | (classes == Encounter.GIVE_WAY)
-            | (classes == Encounter.OVERTAKING)
-        ).any(-1, keepdim=True)
-        stands_on = (classes == Encounter.STAND_ON) | (classes == Encounter.OVERTAKEN)
-        stays = (stands_on & (motion.distance > self.near)).any(-1, keepdim=True) & ~keeps_clear
-        return ~(keeps_clear & self.to_port) & (~stays | self.straight)
+        kind, distance = target_ships(state)[..., SHIP_CLASS], relative_motion(state).distance
+        must_act = keeps_clear(kind).any(-1, keepdim=True)
+        stays = (stands_on(kind) & (distance > self.near)).any(-1, keepdim=True) & ~must_act
+        return ~(must_act & self.to_port) & (~stays | self.straight)
 
 
 class Masked:

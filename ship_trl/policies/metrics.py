@@ -2,7 +2,7 @@
 
 Rules are COLREGs 8 and 13 to 17, scored as by Hagen et al., Ocean Engineering 288:115991, 2023, after Woerner
 et al. 2019 (doi 10.1007/s10514-018-9765-y), read from a public reconstruction. Numbers in parentheses are its
-equations. Encounter classes are Pedersen's, locked at the onset (`sim.encounter.Encounters`).
+equations. Encounter classes are Pedersen's, locked at the onset (`sim.encounter.next_classes`).
 
 Ours: radii are scaled from a collision radius of 35 m to the safe distance, and the stages by the window of
 the picture. Where an encounter begins inside stage 3, the delay counts from its onset. Of several changes,
@@ -31,8 +31,18 @@ from torch.nn.utils.rnn import pad_sequence
 from ship_trl.config.bounds import HEAD_ON_DEGREES, RULES
 from ship_trl.config.types import World
 from ship_trl.learn.rollout import Episode
-from ship_trl.sim.encounter import Encounter, Encounters, Motion, are_ruled, relative_motion
+from ship_trl.sim.encounter import (
+    SPEED_CHANGE,
+    TURN,
+    Encounter,
+    Motion,
+    limits_of,
+    next_classes,
+    ramp,
+    relative_motion,
+)
 from ship_trl.sim.geometry import angle_off_bow, nearest_points, wrap_angle
+from ship_trl.sim.rules import STAGE3, STAGE4, safety_score, wrong_side
 from ship_trl.sim.state import (
     HEADING,
     SHIP_HEADING,
@@ -46,12 +56,8 @@ from ship_trl.sim.state import (
 )
 
 Numbers = NDArray[np.float64]
-# The source's collision radius (m).
-COLLISION = 35.0
-# Metres.
-STAGE3, STAGE4 = 236.0, 67.0
-# A change of course (degrees) or speed (shares) counts from the first bound, and in full at the second.
-TURN, SPEED_CHANGE, STARBOARD = (2.0, 30.0), (0.07, 0.25), (10.0, 30.0)
+# As `sim.encounter.TURN`, of a starboard turn that Rule 14 asks for.
+STARBOARD = (10.0, 30.0)
 # Seconds.
 REACTION, HOLD = 10.0, 5.0
 # Encounter classes in tables.
@@ -233,11 +239,12 @@ def score_rules(states: Tensor, last: Tensor, world: World, head_on: float = HEA
     """
     states, last, safe = states.double(), last[:, None], world.safe_distance
     motion = relative_motion(states)
-    encounters = Encounters(safe * 4 / 3, 30.0, 2 * safe, head_on)
+    limits = limits_of(safe, math.radians(head_on))
     # Classes stay from the onset until the ships are past and clear, int64 [N, T + 1, K].
-    ruled = motion._replace(dcpa=motion.dcpa.masked_fill(~are_ruled(states, motion), math.inf))
-    now = (Motion(*(part[:, t] for part in ruled)) for t in range(states.shape[1]))
-    classes = torch.stack([encounters.update(states[:, t], one) for t, one in enumerate(now)], 1)
+    found = [torch.full(motion.distance[:, 0].shape, int(Encounter.NONE))]
+    for t in range(states.shape[1]):
+        found.append(next_classes(found[-1], states[:, t], Motion(*(part[:, t] for part in motion)), limits))
+    classes = torch.stack(found[1:], 1)
     time = torch.arange(states.shape[1])[:, None]
     begins = first((classes != Encounter.NONE) & (time < last[:, None]))
     has_onset, onset = begins >= 0, begins.clamp(min=0)
@@ -276,12 +283,11 @@ def score_rules(states: Tensor, last: Tensor, world: World, head_on: float = HEA
 
     rule8 = apparent * timely
     rule16 = safety * rule8
-    sin_bearing, sin_aspect, aspect = bearing.sin(), aspect.sin(), torch.rad2deg(aspect)
+    wrong = wrong_side(kind, bearing, aspect)
     no_starboard = 1 - ramp((turns * during).amax(1), STARBOARD, power=1)
-    not_port_to_port = 1 - ((sin_aspect - 1) / 2).square() * ((sin_bearing - 1) / 2).square()
-    rule14 = (1 - 0.4 * no_starboard - 0.6 * not_port_to_port) * turned * timely * (safety > 0)
-    is_ahead, is_past_bow = aspect.abs() < 45, (aspect > -25) & (aspect < 165)
-    rule13, rule15 = rule16 - 0.3 * is_ahead, rule16 - 0.5 * is_past_bow
+    rule14 = (1 - 0.4 * no_starboard - wrong) * turned * timely * (safety > 0)
+    # Each applies to encounters of its own class.
+    rule13 = rule15 = rule16 - wrong
     penalties = _stand_on_penalties(motion, heading, turns, changes, during)
     rule17 = safety * (1 - penalties.amax(0))
     meets, crosses, overtakes = (
@@ -292,8 +298,8 @@ def score_rules(states: Tensor, last: Tensor, world: World, head_on: float = HEA
     applies = (meets | gives_way, overtakes, meets, crosses, gives_way, stands_on)
     scores = torch.stack((rule8, rule13, rule14, rule15, rule16, rule17), -1).clamp(min=0.0)
     is_engaged = has_onset & (at(speed, onset) > 0)
-    is_port_to_port = (sin_bearing < 0) & (sin_aspect < 0)
-    crosses_bow = (meets & ~is_port_to_port) | (crosses & is_past_bow) | (overtakes & is_ahead)
+    is_port_to_port = (bearing < 0) & (aspect < 0)
+    crosses_bow = torch.where(meets, ~is_port_to_port, wrong > 0)
     return Scores(
         kind,
         begins,
@@ -344,32 +350,6 @@ def closest_pass(states: Tensor, begin: Tensor, last: Tensor) -> tuple[Tensor, T
     other, origin = at(target_ships(states)[:, 1:, :, SHIP_HEADING], nearest), torch.zeros_like(point)
     bearing, aspect = -angle_off_bow(origin, own, point), -angle_off_bow(point, other, origin)
     return nearest, at(distance, nearest), bearing, aspect
-
-
-def safety_score(distance: Tensor, bearing: Tensor, aspect: Tensor, safe: float) -> Tensor:
-    """Return the safety of passes (2): by range (3), and by pose at CPA (4 to 6); all are [...].
-
-    The range score rises from 0 at the collision radius to 0.5, 0.8 and 1 at those of a near miss, the
-    minimum and the preferred range.
-
-    Args:
-        distance: least distance (m).
-        bearing: of the target ship from own ship at CPA (rad).
-        aspect: bearing of own ship from the target ship at CPA (rad).
-        safe: the world's safe distance (m), to which the source's radii are scaled.
-    """
-    radii = safe, *(radius * safe / COLLISION for radius in (50.0, 100.0, 200.0))
-    ranged = torch.zeros_like(distance)
-    for low, high, gain in zip(radii[:-1], radii[1:], (0.5, 0.3, 0.2), strict=True):
-        ranged += gain * ((distance - low) / (high - low)).clamp(0.0, 1.0)
-    pose = 0.25 * (1 - aspect.cos()).clamp(max=1.0) + 0.75 * (1 - bearing.cos()).clamp(max=1.0)
-    return (ranged + (1 - ranged) * pose) * (distance >= safe)
-
-
-def ramp(value: Tensor, bounds: tuple[float, float], power: int = 2) -> Tensor:
-    """Return 0 below the first bound and 1 above the second, and the power of the share between."""
-    low, high = bounds
-    return ((value - low) / (high - low)).clamp(0.0, 1.0) ** power
 
 
 def first(flags: Tensor) -> Tensor:

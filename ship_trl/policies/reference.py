@@ -99,7 +99,7 @@ def follow_best_known(env: ShipEnv, _: int = 0) -> Policy:
     length = max(map(len, plans))
     # A plan repeats its last action.
     table = torch.tensor([plan + plan[-1:] * (length - len(plan)) for plan in plans], device=env.device)
-    starts = Starts(env.suite, env.world).states.to(env.device)
+    starts = env.begun(Starts(env.suite, env.world).states)
     case = torch.zeros(env.batch_size, dtype=torch.int64, device=env.device)
 
     def policy(step: TensorDictBase) -> TensorDictBase:

@@ -9,7 +9,6 @@ from __future__ import annotations
 import atexit
 import importlib.util
 import json
-import math
 import os
 import subprocess
 import sys
@@ -23,7 +22,6 @@ import torch
 from tensordict.nn import TensorDictModule, TensorDictSequential
 from torch import Tensor
 
-from ship_trl.config.bounds import OWN_NUMBERS, SHIP_NUMBERS
 from ship_trl.config.errors import ConfigError, print_error
 from ship_trl.config.network import load_network
 from ship_trl.config.types import Network
@@ -35,6 +33,8 @@ if TYPE_CHECKING:
 # Bytes of the number of observations that follow, and the type of the actions that come back.
 COUNT, ACTION = 4, np.dtype(np.int64)
 # Of training alone: a whole replay, and functions that another Python may not unpickle.
+# What the numbers were before they told of encounters.
+OLDER = Network(linear=[1], ships=3)
 UNUSED = {"buffer_size": 1, "learning_rate": 0.1, "lr_schedule": 0.1, "clip_range": 0.1, "clip_range_vf": 0.1}
 
 
@@ -53,8 +53,8 @@ def sb3_policy(path: Path, env: ShipEnv) -> tuple[TensorDictSequential, Look]:
     process, about = start(path, path.stat().st_mtime_ns)
     if "error" in about:
         raise ConfigError(f"policy: {path}: stable_baselines3 cannot load it ({about['error']})")
-    shape, ships = tuple(about["shape"]), (math.prod(about["shape"]) - OWN_NUMBERS) // SHIP_NUMBERS
-    seen = Network(linear=[1], ships=ships) if len(shape) == 1 else load_network()
+    shape, numbers = tuple(about["shape"]), load_network("vector")
+    seen = load_network() if len(shape) > 1 else numbers if shape == (numbers.inputs,) else OLDER
     look = Look(seen, colour=COLOURS in shape)
     wanted = "float32" if seen.linear else "uint8", len(env.world.actions)
     if sorted(shape) != sorted(look.shape) or (about["dtype"], about["actions"]) != wanted:

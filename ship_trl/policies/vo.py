@@ -21,13 +21,12 @@ from tensordict import TensorDictBase
 from torch import Tensor
 
 from ship_trl.policies.steering import Steering
-from ship_trl.sim.encounter import Encounter, Encounters, relative_motion, ship_velocities
+from ship_trl.sim.encounter import relative_motion, ship_velocities
 from ship_trl.sim.env import ShipEnv
 from ship_trl.sim.geometry import closest_approach, predicted_approach, unit_vector
-from ship_trl.sim.state import HEADING, goal_course, is_present
+from ship_trl.sim.rules import keeps_clear
+from ship_trl.sim.state import HEADING, SHIP_CLASS, goal_course, is_present, target_ships
 
-# The encounters in which own ship leaves the target ship to port.
-RULED = torch.tensor([Encounter.HEAD_ON, Encounter.GIVE_WAY, Encounter.OVERTAKING])
 # The turn must keep this share of the distance to keep: less than 1, so that a ship at the margin may turn.
 TURNING_SHARE = 0.98
 # Metres that are added to the safe distance; collisions after so many seconds do not count.
@@ -44,7 +43,6 @@ class VelocityObstacles:
 
     def __init__(self, env: ShipEnv, _: int = 0) -> None:
         world = env.world
-        self.encounters = Encounters(dcpa=60.0, tcpa=30.0, clear=90.0)
         self.steering = Steering(world, env.device)
         count = round(HEADING_RANGE / HEADING_STEP)
         offsets = torch.arange(-count, count + 1, device=env.device) * math.radians(HEADING_STEP)
@@ -65,11 +63,10 @@ class VelocityObstacles:
         """Return the cost of each velocity, [N, V], for states [N, S]."""
         heading = state[:, HEADING, None]
         motion = relative_motion(state)
-        classes = self.encounters.update(state, motion)
         own = self.speed[:, None] * unit_vector(heading + self.offset)  # [N, V, 2]
         wanted = self.cruise * unit_vector(goal_course(state))
         cost = WANTED * (own - wanted[:, None]).square().sum(-1)
-        if not classes.shape[-1]:
+        if not motion.distance.shape[-1]:
             return cost
         velocity = ship_velocities(state)[:, None]  # [N, 1, K, 2]
         moved = self.chord[:, None] * unit_vector(heading + self.offset / 2)
@@ -87,6 +84,6 @@ class VelocityObstacles:
         obstacle = hits * (CONE + TIME / (1.0 + entry.clamp(min=0.0)))
         # Relative to the ship, own ship goes to the left of it, which leaves the ship to starboard.
         goes_left = away[..., 1] * relative[..., 0] - away[..., 0] * relative[..., 1] > 0
-        is_ruled = torch.isin(classes, RULED.to(classes.device))[:, None]
-        breaks = is_ruled & goes_left & (tcpa > 0)
+        # Where own ship keeps clear, it leaves the target ship to port.
+        breaks = keeps_clear(target_ships(state)[..., SHIP_CLASS])[:, None] & goes_left & (tcpa > 0)
         return cost + obstacle.amax(-1) + RULE * breaks.any(-1)

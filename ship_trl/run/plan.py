@@ -275,7 +275,7 @@ def hash_of(
     own, default = (plain(each).get(config.method, {}) for each in (config.transfer, Transfer()))
     optional: dict[str, Any] = {
         "transfer": {key: value for key, value in own.items() if value != default[key]},
-        "margin": plain(config.margin) if config.margin.penalty else None,
+        "margin": {key: value for key, value in plain(config.margin).items() if value},
         "network": non_default_network(config.network),
         "vector_version": VECTOR_VERSION if config.network.linear else None,
         "algorithm": algorithm and algorithm | digests,

@@ -13,8 +13,9 @@ import torch
 from torch import Generator
 
 from ship_trl.config.arm import SourceWeights, forms
+from ship_trl.config.checks import reads_of
 from ship_trl.config.errors import ConfigError
-from ship_trl.config.types import Learn
+from ship_trl.config.types import Config, Learn
 from ship_trl.fast.worlds import accelerator, make_env, make_starts
 from ship_trl.files.curve import Row
 from ship_trl.learn.algorithm import Algorithm, Setup, Teacher, build_algorithm
@@ -115,7 +116,11 @@ def make_parts(run: Run, device: torch.device, source: Source | None) -> Parts:
             fixed = fixed_copy(network, source.weights)
             method.attach(make_origin(run, fixed, eval_env, mean_return(untrained)))
         method.copy(network, source.weights)
-    teacher = find_teacher(config)
+    teacher, values = find_teacher(config), None
+    if teacher is not None:
+        values = read_teacher(teacher, eval_env)
+    elif reads_of(config.algorithm).has_expert:
+        values = make_expert(config)
     setup = Setup(
         network=network,
         draw=draw,
@@ -125,7 +130,7 @@ def make_parts(run: Run, device: torch.device, source: Source | None) -> Parts:
         replay=streams["replay"],
         method=method,
         options=config.algorithm,
-        teacher=None if teacher is None else read_teacher(teacher, eval_env),
+        teacher=values,
         mirror=mirrored_state,
         accelerator=accelerator(config.fast),
     )
@@ -299,6 +304,15 @@ def make_source_check(run: Run, source: Source | None, device: torch.device) -> 
     env = make_run_env(run, suite, device, starts=starts)
     check = SourceCheck(env, env.observer(config.network), config.learn)
     return replace(check, source_return=check.measure(network.to(device)))
+
+
+def make_expert(config: Config) -> Teacher:
+    """Return the values of held manoeuvres in the run's scaled rewards, of states."""
+    # Imported here: numba takes half a second.
+    from ship_trl.fast.plans import PlanValues
+
+    values = PlanValues(config.world, config.margin, scale=config.learn.reward_scale)
+    return lambda state: values(state.cpu()).to(state.device)
 
 
 def read_teacher(teacher: TeacherFile, env: ShipEnv) -> Teacher:

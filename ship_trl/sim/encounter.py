@@ -8,6 +8,7 @@ DNV's traffic generator). They say what the rules would ask, not whether there i
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 from enum import IntEnum
 from typing import Any, NamedTuple
 
@@ -16,11 +17,17 @@ import torch
 from torch import Tensor
 
 from ship_trl.config.bounds import HEAD_ON_DEGREES
-from ship_trl.sim.geometry import angle_off_bow, predicted_approach, unit_vector
+from ship_trl.config.types import World
+from ship_trl.sim.geometry import angle_off_bow, predicted_approach, unit_vector, wrap_angle
 from ship_trl.sim.state import (
     HEADING,
+    SHIP_ACTION,
+    SHIP_CLASS,
     SHIP_HEADING,
+    SHIP_ONSET,
+    SHIP_ONSET_HEADING,
     SHIP_SPEED,
+    SHIP_TURN,
     SPEED,
     STEP,
     is_present,
@@ -164,27 +171,105 @@ def classify(bearing: Any, aspect: Any, head_on: float = HEAD_ON) -> Any:
     )
 
 
-class Encounters:
-    """Remembers the encounter class of every place, for rows whose episodes begin at different times.
+class Limits(NamedTuple):
+    """When an encounter begins and ends.
 
-    An encounter begins when DCPA is below `dcpa` (m) and TCPA between 0 and `tcpa` (s). It ends when the
-    ships move apart and are `clear` (m) away from each other. Between the two its class stays (Rule 13(d)).
-    `head_on` is the half-angle of the head-on sector, in degrees.
+    It begins when DCPA is below `dcpa` (m) and TCPA between 0 and `tcpa` (s). It ends when the ships move
+    apart and are `clear` (m) away from each other. `head_on` is the half-angle (rad) of the head-on sector.
     """
 
-    def __init__(self, dcpa: float, tcpa: float, clear: float, head_on: float = HEAD_ON_DEGREES) -> None:
-        self.dcpa, self.tcpa, self.clear, self.head_on = dcpa, tcpa, clear, math.radians(head_on)
-        self.classes = torch.empty(0, 0, dtype=torch.int64)
+    dcpa: float
+    tcpa: float
+    clear: float
+    head_on: float
 
-    def update(self, state: Tensor, motion: Motion) -> Tensor:
-        """Return the classes now, int64 [N, K], for states [N, S]; step 0 begins a new episode."""
-        classes = self.classes
-        if classes.shape != motion.distance.shape:
-            classes = torch.full_like(motion.distance, Encounter.NONE, dtype=torch.int64)
-        is_over = (motion.tcpa < 0) & (motion.distance > self.clear)
-        classes = classes.masked_fill(is_over | (state[:, STEP, None] == 0), Encounter.NONE)
-        begins = (classes == Encounter.NONE) & (motion.dcpa < self.dcpa)
-        begins &= (motion.tcpa >= 0) & (motion.tcpa <= self.tcpa)
-        found = classify(motion.bearing, motion.aspect, self.head_on)
-        self.classes = torch.where(begins, found, classes)
-        return self.classes
+
+def limits_of(safe_distance: float, head_on: float = HEAD_ON) -> Limits:
+    """Return when an encounter begins and ends, by the world's safe distance (m)."""
+    return Limits(safe_distance * 4 / 3, 30.0, 2 * safe_distance, head_on)
+
+
+def next_classes(classes: Tensor, state: Tensor, motion: Motion, limits: Limits) -> Tensor:
+    """Return the classes of encounter in states [N, S], int64 [N, K], after those a step before.
+
+    Between its onset and its end a class stays (Rule 13(d)); step 0 begins a new episode.
+    """
+    is_over = (motion.tcpa < 0) & (motion.distance > limits.clear)
+    classes = classes.masked_fill(is_over | (state[..., STEP, None] == 0), Encounter.NONE)
+    begins = (classes == Encounter.NONE) & (motion.dcpa < limits.dcpa) & are_ruled(state, motion)
+    begins &= (motion.tcpa >= 0) & (motion.tcpa <= limits.tcpa)
+    return torch.where(begins, classify(motion.bearing, motion.aspect, limits.head_on), classes)
+
+
+def ramp(value: Any, bounds: tuple[float, float], power: int = 2) -> Any:
+    """Return 0 below the first bound and 1 above the second, and the power of the share between."""
+    low, high = bounds
+    return ((value - low) / (high - low)).clip(0.0, 1.0) ** power
+
+
+# Maps states [N, S] before and after a step to those after it, with what has happened.
+Track = Callable[[Tensor, Tensor], Tensor]
+
+
+class Tracker:
+    """Writes into states what has happened to each target ship: `track(before, after)`, [N, S] each.
+
+    The rate of turn in the step; the class of encounter, which stays from its onset to its end; step and own
+    heading at the onset; and the action: how much own ship has changed course (to starboard where it meets
+    or gives way) and speed since then, at most, as the rules' scores count it (`sim.rules`).
+
+    At the start of an episode both arguments are its first states.
+    """
+
+    def __init__(self, world: World, device: torch.device | str = "cpu") -> None:
+        self.device = torch.device(device)
+        self.world, self.limits = world, limits_of(world.safe_distance)
+        self.cruise = world.actions[world.straight_action][0]
+
+    def __call__(self, before: Tensor, after: Tensor) -> Tensor:
+        """Return the states after the step, float32 [N, S]; none is changed."""
+        state = after.clone()
+        ships, present = target_ships(state), is_present(state)
+        if not ships.shape[-2]:
+            return state
+        had = ships[..., SHIP_CLASS].long()
+        now = next_classes(had, state, relative_motion(state), self.limits)
+        begins, goes_on = (now != had) & (now != Encounter.NONE), (now == had) & (now != Encounter.NONE)
+        step, heading = (state[..., column, None].expand_as(had) for column in (STEP, HEADING))
+        onset = torch.where(begins, step, ships[..., SHIP_ONSET] * goes_on)
+        course = torch.where(begins, heading, ships[..., SHIP_ONSET_HEADING] * goes_on)
+        turned = -torch.rad2deg(wrap_angle(heading - course))
+        slowed = (state[..., SPEED, None] / self.cruise - 1).abs().expand_as(turned)
+        action = action_size(now, turned, slowed)
+        action = torch.maximum(action, ships[..., SHIP_ACTION]) * goes_on
+        swung = wrap_angle(ships[..., SHIP_HEADING] - target_ships(before)[..., SHIP_HEADING]) / self.world.dt
+        for column, value in (
+            (SHIP_TURN, swung),
+            (SHIP_CLASS, now),
+            (SHIP_ONSET, onset),
+            (SHIP_ONSET_HEADING, course),
+            (SHIP_ACTION, action),
+        ):
+            ships[..., column] = value * present
+        return state
+
+
+# A change of course (degrees) or speed (shares) counts from the first bound, and in full at the second.
+TURN, SPEED_CHANGE = (2.0, 30.0), (0.07, 0.25)
+
+
+def action_size(kind: Tensor, turned: Tensor, slowed: Tensor) -> Tensor:
+    """Return how large an action is, from 0 to 1, towards ships in encounters of a class [...].
+
+    Where own ship keeps clear, the mean of its changes of course and speed; where it stands on, the larger.
+
+    Args:
+        kind: classes, int64 [...].
+        turned: change of course (degrees), positive to starboard.
+        slowed: change of speed, as a share.
+    """
+    is_to_starboard = (kind == Encounter.HEAD_ON) | (kind == Encounter.GIVE_WAY)
+    stands_on = (kind == Encounter.STAND_ON) | (kind == Encounter.OVERTAKEN)
+    turn = ramp(torch.where(is_to_starboard, turned, turned.abs()), TURN)
+    speed = ramp(slowed, SPEED_CHANGE)
+    return torch.where(stands_on, torch.maximum(turn, speed), (turn + speed) / 2)

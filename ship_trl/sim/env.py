@@ -15,8 +15,10 @@ from torchrl.envs import EnvBase
 
 from ship_trl.config.types import Margin, Network, World
 from ship_trl.sim.cases import Case, Suite, suite_of
+from ship_trl.sim.encounter import Track, Tracker
 from ship_trl.sim.render import Drawing, Rasteriser
 from ship_trl.sim.replay import with_replay
+from ship_trl.sim.rules import rule_payment
 from ship_trl.sim.starts import draw_scenes, make_starts
 from ship_trl.sim.transition import Step, Transition
 from ship_trl.sim.vector import VectorObservation
@@ -34,6 +36,10 @@ class Engine:
     def step(self, transition: Transition) -> Step:
         """Make the step of a transition."""
         return transition
+
+    def tracker(self, tracker: Tracker) -> Track:
+        """Make what writes into states what has happened."""
+        return tracker
 
     def drawing(self, rasteriser: Rasteriser) -> Drawing:
         """Make the drawing of a rasteriser."""
@@ -104,12 +110,13 @@ class ShipEnv(EnvBase):
         self._starts, self._given = make_starts(self.suite, world, engine.scenes), starts
         step = engine.step(Transition(world, self.device))
         self._simulate = with_replay(step, self.suite, world, self.device)
+        self._track = engine.tracker(Tracker(world, self.device))
         self._draws = partial(Rasteriser, world, device=self.device, drawing=engine.drawing)
         self.rasteriser = self._draws(colour=colour, vector_time=vector_time)
         self.from_pixels, self.margin = from_pixels, margin or Margin()
         self._encoders = dict(encoders or {})
         self._make_specs()
-        first = self._observe(self._starts.states[:1].to(self.device))
+        first = self._observe(self.begun(self._starts.states[:1]))
         self._own_keys = {*first, "dcpa", *FLAGS, "action", "reward", "next"}
         # If all episodes begin alike, their first observation is computed once.
         self._first = first if self.suite.is_fixed and starts is None else None
@@ -175,7 +182,12 @@ class ShipEnv(EnvBase):
             states = self._starts.sample(count, self.generator)
         else:
             states = self._given if rows is None else self._given[rows.cpu()]
-        return self._observe(states.to(self.device))
+        return self._observe(self.begun(states))
+
+    def begun(self, states: Tensor) -> Tensor:
+        """Return states [N, S] in which encounters that begin at once have begun."""
+        states = states.to(self.device)
+        return self._track(states, states)
 
     def _reset(self, tensordict: TensorDictBase | None = None, **_: Any) -> TensorDict:
         """Return the initial entries of all rows; in a partial reset TorchRL keeps the other rows."""
@@ -187,7 +199,9 @@ class ShipEnv(EnvBase):
 
     def _step(self, tensordict: TensorDictBase) -> TensorDict:
         """Take one action in each row; return observation, reward and done flags."""
-        after = self._simulate(tensordict["state"], tensordict["action"])
+        before = tensordict["state"]
+        after = self._simulate(before, tensordict["action"])
+        state = self._track(before, after.state)
         terminated = (after.goal | after.collision).unsqueeze(-1)
         truncated = after.truncated.unsqueeze(-1)
         distance, reward = after.min_distance.unsqueeze(-1), after.reward.unsqueeze(-1)
@@ -195,8 +209,11 @@ class ShipEnv(EnvBase):
             width = max(self.margin.distance - self.world.safe_distance, 1e-6)
             near = ((self.margin.distance - distance) / width).clamp(0.0, 1.0)
             reward = reward - self.margin.penalty * near
+        if self.margin.rules:
+            paid = rule_payment(before, state, self.world.safe_distance)
+            reward = reward + self.margin.rules * paid.unsqueeze(-1)
         return TensorDict(
-            self._observe(after.state)
+            self._observe(state)
             | {
                 "dcpa": torch.minimum(tensordict["dcpa"], distance),
                 "goal": after.goal.unsqueeze(-1),

@@ -192,7 +192,7 @@ def draw_scenes(
     """
     dt, safe_distance = limits
     places, stream = shares.shape[0] - 1, np.empty(1, np.uint64)
-    ships, drawn = np.empty((places, SHIP_SIZE)), np.empty(places, np.int64)
+    ships, drawn = np.zeros((places, SHIP_SIZE)), np.empty(places, np.int64)
     for n in range(seeds.shape[0]):
         stream[0] = seeds[n]
         share, count = uniform(stream), 0

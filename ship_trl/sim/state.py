@@ -20,9 +20,12 @@ from ship_trl.sim.geometry import angle_off_bow
 X, Y, HEADING, SPEED, YAW_RATE, GOAL_X, GOAL_Y, STEP, SHIP_COUNT = range(9)
 OWN_SIZE = 9
 # Behind own ship, goal, step and count: the numbers of each place for a target ship. A place at or beyond
-# `SHIP_COUNT` is empty, and holds zeros.
+# `SHIP_COUNT` is empty, and holds zeros. The second row is what has happened, see `sim.encounter.track`: the ship's
+# rate of turn (rad/s), the class of encounter that is locked, the step and own heading at its onset, and how much own
+# ship has changed course and speed since then, from 0 to 1.
 SHIP_X, SHIP_Y, SHIP_HEADING, SHIP_SPEED, SHIP_BEHAVIOUR = range(5)
-SHIP_SIZE = 5
+SHIP_TURN, SHIP_CLASS, SHIP_ONSET, SHIP_ONSET_HEADING, SHIP_ACTION = range(5, 10)
+SHIP_SIZE = 10
 
 
 def state_size(places: int) -> int:
@@ -34,7 +37,7 @@ def mirrored_state(state: Tensor) -> Tensor:
     """Return states [..., S] with port and starboard exchanged: the scenes reflected about the x axis."""
     signs = torch.ones(state.shape[-1], device=state.device)
     signs[[Y, HEADING, YAW_RATE, GOAL_Y]] = -1.0
-    for number in (SHIP_Y, SHIP_HEADING):
+    for number in (SHIP_Y, SHIP_HEADING, SHIP_TURN, SHIP_ONSET_HEADING):
         signs[OWN_SIZE + number :: SHIP_SIZE] = -1.0
     return state * signs
 
@@ -58,7 +61,10 @@ def initial_state(case: Case, world: World, places: int | None = None) -> Tensor
     speed = world.actions[world.straight_action][0]
     own = [*case.start, math.radians(case.heading), speed, 0.0, *case.goal, 0.0, float(count)]
     row = torch.zeros(state_size(count if places is None else places), device="cpu")
-    row[: len(own) + len(ships)] = torch.tensor(own + ships, device="cpu")
+    row[:OWN_SIZE] = torch.tensor(own, device="cpu")
+    target_ships(row)[:count, : SHIP_BEHAVIOUR + 1] = torch.tensor(ships, device="cpu").view(
+        count, SHIP_BEHAVIOUR + 1
+    )
     return row
 
 
@@ -68,7 +74,7 @@ def first_case(suite: Suite, state: Tensor) -> Case:
         return suite.cases[0]
     x, y, heading, _, _, goal_x, goal_y, *_ = state.tolist()
     ships = []
-    for east, north, course, speed, behaviour in target_ships(state)[: int(state[SHIP_COUNT])].tolist():
+    for east, north, course, speed, behaviour, *_ in target_ships(state)[: int(state[SHIP_COUNT])].tolist():
         ships.append(TargetShip(east, north, math.degrees(course), speed, behaviour_of(behaviour)))
     return Case([x, y], math.degrees(heading), [goal_x, goal_y], "drawn", ships, suite.name)
 

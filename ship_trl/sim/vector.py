@@ -5,29 +5,44 @@ from __future__ import annotations
 import torch
 from torch import Tensor
 
-from ship_trl.config.bounds import SHIP_NUMBERS
 from ship_trl.config.types import Network, World
 from ship_trl.sim import scene
-from ship_trl.sim.encounter import own_velocity, ship_velocities
-from ship_trl.sim.geometry import unit_vector
+from ship_trl.sim.encounter import Encounter, own_velocity, ship_velocities
+from ship_trl.sim.geometry import unit_vector, wrap_angle
 from ship_trl.sim.state import (
     HEADING,
+    SHIP_ACTION,
+    SHIP_CLASS,
+    SHIP_ONSET,
+    SHIP_ONSET_HEADING,
+    SHIP_TURN,
     SPEED,
+    STEP,
     YAW_RATE,
     goal_distance,
     goal_off_bow,
     is_present,
     relative_positions,
+    target_ships,
 )
 
 # Units of TCPA (s) and DCPA (m), their largest size, and the least relative speed (m/s) that they are for.
 TCPA, DCPA, MAX_SIZE, MIN_SPEED = 20.0, 100.0, 2.0, 1e-3
+# Units of the time since an encounter began (s), and of own turn since then (rad).
+SINCE, TURNED = 20.0, 0.5
+CLASSES = (
+    Encounter.HEAD_ON,
+    Encounter.GIVE_WAY,
+    Encounter.STAND_ON,
+    Encounter.OVERTAKING,
+    Encounter.OVERTAKEN,
+)
 
 
 class VectorObservation:
     """Observes states as numbers of about one: `observe(state)` maps float [..., S] to float32 [..., F].
 
-    F is 5 + 10 K. Each number with what 1 stands for, and its range; the second group once for each of the K
+    F is 5 + 10 K, or 5 + 19 K with `encounters`. Each number with what 1 stands for, and its range; the second group once for each of the K
     nearest target ships, nearest first, and all zero where there is no ship:
 
         distance of the goal | 640 m | from 0
@@ -47,16 +62,25 @@ class VectorObservation:
         DCPA | 100 m | -2 to 2, positive if the bearing turns counter-clockwise
         whether there is a ship | | 0 or 1
 
+    Before the last one, with `encounters`, stand those of the encounter that is locked (`sim.encounter`):
+
+        rate of turn | 0.1 rad/s | any, port positive
+        head-on, give way, stand on, overtaking, overtaken | | each 0 or 1
+        time since the onset | 20 s | from 0
+        own turn since the onset | 0.5 rad | -6.3 to 6.3, port positive
+        own action since the onset | | 0 to 1
+
     Speeds and rates of turn are those of the fastest action; for a ship with own ship's velocity TCPA and
     DCPA are 0.
 
     Args:
         world: speeds and rates of turn of the actions.
         ships: K.
+        encounters: whether it observes what has happened since an encounter began.
     """
 
-    def __init__(self, world: World, ships: int) -> None:
-        self.ships = ships
+    def __init__(self, world: World, ships: int, encounters: bool = False) -> None:
+        self.ships, self.encounters, self.dt = ships, encounters, world.dt
         self.max_speed = max(abs(speed) for speed, _ in world.actions)
         # Above zero in float32 too, where no action turns.
         self.max_turn = max(1e-6, *(abs(turn) for _, turn in world.actions))
@@ -64,7 +88,7 @@ class VectorObservation:
     @classmethod
     def of(cls, network: Network, world: World) -> VectorObservation:
         """Return the observation that a network with `linear` layers sees."""
-        return cls(world, network.ships)
+        return cls(world, network.ships, network.encounters)
 
     def __call__(self, state: Tensor) -> Tensor:
         """Observe states [..., S]; return float32 [..., F]."""
@@ -79,7 +103,7 @@ class VectorObservation:
         return torch.cat((torch.stack(own, -1), self._observe_ships(state).flatten(-2)), -1)
 
     def _observe_ships(self, state: Tensor) -> Tensor:
-        """Return the numbers of the K nearest target ships [..., K, 10]."""
+        """Return the numbers of the K nearest target ships [..., K, M]."""
         away, present = relative_positions(state), is_present(state)
         bow = unit_vector(state[..., HEADING])[..., None, :]
         velocity = ship_velocities(state) - own_velocity(state)[..., None, :]
@@ -98,10 +122,26 @@ class VectorObservation:
             ahead / distance.clamp(min=1e-6),
             (-(ahead * onward + left * across) / (speed2 * TCPA)).clamp(-MAX_SIZE, MAX_SIZE),
             ((ahead * across - left * onward) / (speed2.sqrt() * DCPA)).clamp(-MAX_SIZE, MAX_SIZE),
+            *(self._observe_encounters(state) if self.encounters else ()),
             torch.ones_like(distance),
         )
         found = torch.stack(numbers, -1) * present[..., None]
         order = distance.masked_fill(~present, torch.inf).argsort(dim=-1, stable=True)[..., : self.ships]
-        nearest = found.gather(-2, order[..., None].expand(*order.shape, SHIP_NUMBERS))
+        nearest = found.gather(-2, order[..., None].expand(*order.shape, found.shape[-1]))
         lacking = self.ships - nearest.shape[-2]
-        return torch.cat((nearest, state.new_zeros(*state.shape[:-1], lacking, SHIP_NUMBERS)), -2)
+        return torch.cat((nearest, state.new_zeros(*state.shape[:-1], lacking, found.shape[-1])), -2)
+
+    def _observe_encounters(self, state: Tensor) -> tuple[Tensor, ...]:
+        """Return the numbers of the encounters with the target ships, each [..., K]."""
+        ships = target_ships(state)
+        kind = ships[..., SHIP_CLASS]
+        is_on = (kind != Encounter.NONE).to(state.dtype)
+        since = state[..., STEP, None] - ships[..., SHIP_ONSET]
+        turned = wrap_angle(state[..., HEADING, None] - ships[..., SHIP_ONSET_HEADING])
+        return (
+            ships[..., SHIP_TURN] / self.max_turn,
+            *((kind == one).to(state.dtype) for one in CLASSES),
+            since * self.dt / SINCE * is_on,
+            turned / TURNED * is_on,
+            ships[..., SHIP_ACTION],
+        )

@@ -12,7 +12,7 @@ from ship_trl.config.types import Learn, Loss
 from ship_trl.learn.double_dqn import FEATURES, DoubleDQN, build
 from ship_trl.learn.hooks import LearningHooks
 from ship_trl.learn.network import DuelingNetwork
-from ship_trl.learn.replay import DrawPixels
+from ship_trl.learn.replay import DrawStates
 from tests.learn.worlds import Freezing, draw, fast_setup, schedule
 
 
@@ -63,7 +63,7 @@ def act(learner: DoubleDQN, observation: Tensor, epsilon: float) -> Tensor:
 def observed(learner: DoubleDQN, data: TensorDict) -> TensorDict:
     """Return a batch as the replay does: with pixels, or with features of the frozen layers."""
     if not learner.encoders:
-        pixels: TensorDict = DrawPixels(draw)(data)
+        pixels: TensorDict = DrawStates(draw)(data)
         return pixels
     features = data.exclude("state", ("next", "state"))
     features["features"] = learner.encoders[FEATURES](data["state"])

@@ -14,7 +14,7 @@ from ship_trl.config.types import Loss
 from ship_trl.fast.incremental import Incremental
 from ship_trl.learn.network import DuelingNetwork
 from ship_trl.learn.q_learning import DoubleDQNLoss, td_loss
-from ship_trl.learn.replay import DrawPixels, StateReplay
+from ship_trl.learn.replay import DrawStates, StateReplay
 from tests.learn.worlds import draw
 
 PAPER = geometry(load_network())
@@ -133,7 +133,7 @@ def test_changed_weights_invalidate_the_cache(frozen: int, dtype: torch.dtype) -
 
 def test_torchrls_loss_reads_our_replay() -> None:
     generator, device = Generator().manual_seed(0), torch.device("cpu")
-    memory = StateReplay(50, 0.01, generator, device, transform=DrawPixels(draw))
+    memory = StateReplay(50, 0.01, generator, device, transform=DrawStates(draw))
     given = batch(40).exclude("pixels", ("next", "pixels"))
     given["state"], given["next", "state"] = torch.rand(2, 40, 2) * 8 - 4
     memory.extend(given)

@@ -9,7 +9,7 @@ from tensordict import TensorDict
 from torch import Generator
 from torchrl.data import LazyTensorStorage, ReplayBuffer
 
-from ship_trl.learn.replay import DrawPixels, StateReplay, TransitionStorage
+from ship_trl.learn.replay import DrawStates, StateReplay, TransitionStorage
 from tests.learn.worlds import draw
 
 
@@ -52,7 +52,7 @@ def test_samples_are_whole_transitions() -> None:
 
 
 def test_pixels_are_drawn_beside_the_states_of_a_batch() -> None:
-    memory = replay(transform=DrawPixels(draw))
+    memory = replay(transform=DrawStates(draw))
     memory.extend(steps(0, 40))
     batch = memory.sample(16)
     assert torch.equal(batch["pixels"], draw(batch["state"]))

@@ -37,10 +37,10 @@ def test_layers_of_ships_their_sums_and_maxima_carry_value_and_advantage() -> No
     assert isinstance(net, VectorNetwork)
     assert net.layer_names == ("linear1", "linear2", "linear3", "shared")
     shapes = [tuple(layer.weight.shape) for layer in (*net.layers, net.value, net.advantage)]
-    assert shapes == [(128, 15), (128, 128), (256, 261), (256, 256), (1, 256), (7, 256)]
+    assert shapes == [(128, 24), (128, 128), (256, 261), (256, 256), (1, 256), (7, 256)]
     seen = numbers(5)
-    own, ships = seen[:, :5], seen[:, 5:].view(5, 3, 10)
-    ships[..., -1] = torch.tensor([1.0, 1.0, 0.0])
+    own, ships = seen[:, :5], seen[:, 5:].view(5, 8, 19)
+    ships[..., -1] = torch.tensor([1.0, 1.0, *[0.0] * 6])
     one, two, three, four = net.layers
     alone = [two(one(torch.cat((own, ships[:, k]), 1)).relu()).relu() for k in range(2)]
     pooled = torch.cat((own, alone[0] + alone[1], torch.maximum(*alone)), 1)
@@ -77,13 +77,13 @@ def test_layers_are_copied_and_frozen_from_the_input(arm: str) -> None:
 
 
 @pytest.mark.parametrize("precision", [Precision.fp32, Precision.bf16])
-def test_it_learns_from_stored_vectors_and_leaves_frozen_layers(precision: Precision) -> None:
+def test_it_learns_from_stored_states_and_leaves_frozen_layers(precision: Precision) -> None:
     world = load_world()
-    observe = VectorObservation(world, CONFIG.ships)
+    observe = VectorObservation.of(CONFIG, world)
     net, exploration, replay = network(), *(Generator().manual_seed(k) for k in range(2))
     learn = schedule(warmup_steps=40, precision=precision)
     algorithm = build(fast_setup(net, observe, 7, learn, exploration, replay, make_method(Arm.parse("FE2"))))
-    env = make_env(load_case("4", world), world, 4, encoders=algorithm.encoders)
+    env = make_env(load_case("4", world), world, 4)
     before, step, losses = {k: v.clone() for k, v in net.state_dict().items()}, env.reset(), []
     for _ in range(20):
         stepped, step = env.step_and_maybe_reset(algorithm.act(step, 0))
@@ -91,8 +91,8 @@ def test_it_learns_from_stored_vectors_and_leaves_frozen_layers(precision: Preci
         losses += algorithm.update()
     assert len(losses) == 10 and algorithm.dtype is PRECISIONS[precision]
     stored = algorithm.replay.sample(16)
-    assert stored["vector"].shape == stored["next", "vector"].shape == (16, 35)
-    assert "state" not in stored.keys()  # noqa: SIM118
+    assert stored["vector"].shape == stored["next", "vector"].shape == (16, CONFIG.inputs)
+    assert torch.equal(stored["vector"], observe(stored["state"]))
     for key, value in net.state_dict().items():
         assert torch.equal(value, before[key]) == key.startswith(("linear1", "linear2")), key
     assert rollout(make_env(env.case, world), algorithm.greedy)[0].q_values is not None

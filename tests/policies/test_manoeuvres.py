@@ -60,7 +60,7 @@ def sail(manoeuvres: Manoeuvres, start: Tensor, first: Tensor, plans: Tensor, be
     return goal
 
 
-@pytest.mark.parametrize("name", ["traffic", "traffic_dense"])
+@pytest.mark.parametrize("name", ["traffic_test", "traffic_dense"])
 def test_the_best_manoeuvre_solves_what_the_generator_keeps(name: str) -> None:
     suite = load_suite(name, WORLD)
     env = make_env(suite, WORLD, starts=draw_starts(suite, WORLD, 30, 40))

@@ -21,7 +21,8 @@ from ship_trl.policies.named import load_policy
 from ship_trl.policies.registry import split_masks
 from ship_trl.run.entries import find_entries
 from ship_trl.sim.cases import Case, TargetShip, load_world
-from ship_trl.sim.state import initial_state
+from ship_trl.sim.encounter import Tracker
+from ship_trl.sim.state import STEP, initial_state, target_ships
 from tests.command import ship_trl as run
 
 WORLD = load_world()
@@ -30,7 +31,8 @@ ALL = (*PORT, *STRAIGHT, *STARBOARD)
 
 
 def state_of(*ships: TargetShip) -> torch.Tensor:
-    return initial_state(Case([0, 0], 90, [0, 600], "straight", [*ships], "own"), WORLD)[None]
+    state = initial_state(Case([0, 0], 90, [0, 600], "straight", [*ships], "own"), WORLD)[None]
+    return Tracker(WORLD)(state, state)
 
 
 def allowed(*ships: TargetShip) -> tuple[int, ...]:
@@ -67,11 +69,13 @@ def test_a_class_is_kept_until_the_ships_are_past_and_clear() -> None:
     # The bow now points far behind the other ship's stern, but it has not passed.
     turned = state.clone()
     turned[0, 2] = math.radians(20)
-    turned[0, 7] = 5
+    turned[0, STEP] = 5
+    turned = Tracker(WORLD)(state, turned)
     assert not mask(turned)[0, 0]
-    past = state_of(replace(FROM_STARBOARD, x=-400.0, y=100.0))
-    past[0, 7] = 40
-    assert bool(mask(past).all())
+    past = turned.clone()
+    target_ships(past)[0, 0, :2] = torch.tensor([-400.0, 100.0])
+    past[0, STEP] = 40
+    assert bool(mask(Tracker(WORLD)(turned, past)).all())
 
 
 def always(action: int) -> Policy:

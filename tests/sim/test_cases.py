@@ -21,7 +21,7 @@ from ship_trl.sim.cases import (
     to_course,
     to_heading,
 )
-from ship_trl.sim.state import initial_state
+from ship_trl.sim.state import OWN_SIZE, SHIP_BEHAVIOUR, initial_state
 
 PAPER = ["1", "2", "3", "4", "5", "6", "new"]
 BUNDLED = [*PAPER, "ship"]
@@ -155,7 +155,10 @@ def test_a_case_file_may_name_the_behaviour(tmp_path: Path, world: World) -> Non
     texts = (with_ship(behaviour=one) for one in ("", "holds", "gives_way"))
     plain, holds, gives_way = (load_text(text, tmp_path, world) for text in texts)
     assert plain.fingerprint == holds.fingerprint != gives_way.fingerprint
-    assert [float(initial_state(one, world)[-1]) for one in (plain, gives_way)] == [HOLDS_COURSE, GIVES_WAY]
+    assert [float(initial_state(one, world)[OWN_SIZE + SHIP_BEHAVIOUR]) for one in (plain, gives_way)] == [
+        HOLDS_COURSE,
+        GIVES_WAY,
+    ]
 
 
 def test_a_goal_at_the_end_of_the_last_step_is_reached(tmp_path: Path, world: World) -> None:

@@ -1,0 +1,148 @@
+"""`sim.encounter.Tracker` as a compiled loop; tests compare the two."""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+import numpy as np
+import torch
+from torch import Tensor
+
+from ship_trl.fast.jit import compiled
+from ship_trl.fast.step import bearing_of
+from ship_trl.sim import encounter
+from ship_trl.sim.encounter import LEAST_APPROACH, SPEED_CHANGE, TURN, Encounter
+from ship_trl.sim.state import (
+    HEADING,
+    OWN_SIZE,
+    SHIP_ACTION,
+    SHIP_CLASS,
+    SHIP_COUNT,
+    SHIP_HEADING,
+    SHIP_ONSET,
+    SHIP_ONSET_HEADING,
+    SHIP_SIZE,
+    SHIP_SPEED,
+    SHIP_TURN,
+    SHIP_X,
+    SHIP_Y,
+    SPEED,
+    STEP,
+    X,
+    Y,
+)
+
+Array = np.ndarray[Any, Any]
+NONE, HEAD_ON, GIVE_WAY, STAND_ON, OVERTAKING, OVERTAKEN = map(int, Encounter)
+TURN_LOW, TURN_WIDTH = TURN[0], TURN[1] - TURN[0]
+SPEED_LOW, SPEED_WIDTH = SPEED_CHANGE[0], SPEED_CHANGE[1] - SPEED_CHANGE[0]
+
+
+@compiled()
+def share(value: float, low: float, width: float) -> float:
+    """Return `sim.encounter.ramp` of a value."""
+    return min(max((value - low) / width, 0.0), 1.0) ** 2
+
+
+@compiled()
+def begins_as(
+    away: tuple[float, float, float, float],
+    time: float,
+    heading: float,
+    course: float,
+    speed: float,
+    limits: tuple[float, float, float, float],
+) -> int:
+    """Return the class of an encounter that begins now, or none.
+
+    Args:
+        away: place (m) and velocity (m/s) of the ship relative to own ship.
+        time: TCPA (s).
+        heading: own heading (rad).
+        course: the ship's heading (rad).
+        speed: the ship's speed (m/s).
+        limits: see `sim.encounter.Limits`.
+    """
+    dcpa, tcpa, _, head_on = limits
+    x, y, velocity_x, velocity_y = away
+    is_ruled = speed > 0 and math.hypot(velocity_x, velocity_y) > LEAST_APPROACH
+    if (
+        not is_ruled
+        or not 0 <= time <= tcpa
+        or math.hypot(x + time * velocity_x, y + time * velocity_y) >= dcpa
+    ):
+        return NONE
+    return int(encounter.classify(bearing_of(x, y, heading), bearing_of(-x, -y, course), head_on))
+
+
+@compiled()
+def is_to_stand_on(kind: int) -> bool:
+    """Return whether a class of encounter asks own ship to keep course and speed."""
+    return kind in (STAND_ON, OVERTAKEN)
+
+
+@compiled()
+def action_of(kind: int, turned: float, slowed: float) -> float:
+    """Return `sim.encounter.action_size` of a turn to starboard (rad) and a change of speed."""
+    turned -= 2 * math.pi * math.floor((turned + math.pi) / (2 * math.pi))
+    if kind not in (HEAD_ON, GIVE_WAY):
+        turned = abs(turned)
+    turn = share(math.degrees(turned), TURN_LOW, TURN_WIDTH)
+    slow = share(slowed, SPEED_LOW, SPEED_WIDTH)
+    return max(turn, slow) if is_to_stand_on(kind) else (turn + slow) / 2
+
+
+@compiled()
+def track_ship(row: Array, ship: int, slowed: float, limits: tuple[float, float, float, float]) -> None:
+    """Write class, onset and action of the ship whose numbers begin at `ship` in a state [S]."""
+    course, speed = row[ship + SHIP_HEADING], row[ship + SHIP_SPEED]
+    x, y = row[ship + SHIP_X] - row[X], row[ship + SHIP_Y] - row[Y]
+    velocity_x = speed * math.cos(course) - row[SPEED] * math.cos(row[HEADING])
+    velocity_y = speed * math.sin(course) - row[SPEED] * math.sin(row[HEADING])
+    speed2 = velocity_x * velocity_x + velocity_y * velocity_y
+    time = -(x * velocity_x + y * velocity_y) / speed2 if speed2 > 0 else 0.0
+    kind = int(row[ship + SHIP_CLASS])
+    if row[STEP] == 0 or (time < 0 and math.hypot(x, y) > limits[2]):
+        kind = NONE
+    if kind != NONE:
+        action = action_of(kind, row[ship + SHIP_ONSET_HEADING] - row[HEADING], slowed)
+        row[ship + SHIP_ACTION] = max(row[ship + SHIP_ACTION], action)
+        return
+    kind = begins_as((x, y, velocity_x, velocity_y), time, row[HEADING], course, speed, limits)
+    row[ship + SHIP_CLASS], row[ship + SHIP_ACTION] = kind, 0.0
+    row[ship + SHIP_ONSET] = row[STEP] if kind != NONE else 0.0
+    row[ship + SHIP_ONSET_HEADING] = row[HEADING] if kind != NONE else 0.0
+
+
+@compiled()
+def track(
+    before: Array, after: Array, dt: float, cruise: float, limits: tuple[float, float, float, float]
+) -> None:
+    """Write what has happened to each target ship into states [N, S] after a step; see `Tracker`."""
+    for n in range(after.shape[0]):
+        row = after[n]
+        slowed = abs(row[SPEED] / cruise - 1)
+        for k in range(int(row[SHIP_COUNT])):
+            ship = OWN_SIZE + SHIP_SIZE * k
+            swung = row[ship + SHIP_HEADING] - before[n, ship + SHIP_HEADING]
+            swung -= 2 * math.pi * math.floor((swung + math.pi) / (2 * math.pi))
+            row[ship + SHIP_TURN] = swung / dt
+            track_ship(row, ship, slowed, limits)
+
+
+class CompiledTracker:
+    """`Tracker` as a compiled loop on the CPU: `track(before, after)` maps float32 [N, S] to [N, S]."""
+
+    def __init__(self, reference: encounter.Tracker) -> None:
+        self._constants = reference.world.dt, reference.cruise, tuple(reference.limits)
+
+    def into(self, before: Array, after: Array) -> None:
+        """Write into the states after a step."""
+        track(before, after, *self._constants)
+
+    def __call__(self, before: Tensor, after: Tensor) -> Tensor:
+        """Return the states after a step."""
+        state = after.clone(memory_format=torch.contiguous_format)
+        self.into(before.contiguous().numpy(), state.numpy())
+        return state

@@ -1,0 +1,98 @@
+"""How steps keep the steering rules (COLREGs 8 and 13 to 17), as training can be paid for them.
+
+The scores of whole episodes are in `policies.metrics`, whose module names their source. Here the same parts
+are paid in the step that earns them: a timely and large action when it is taken, room and side of passing at
+the closest approach.
+"""
+
+from __future__ import annotations
+
+import torch
+from torch import Tensor
+
+from ship_trl.sim.encounter import Encounter, relative_motion
+from ship_trl.sim.geometry import closest_approach
+from ship_trl.sim.state import SHIP_ACTION, SHIP_CLASS, SHIP_COUNT, relative_positions, target_ships
+
+# The source's collision radius (m).
+COLLISION = 35.0
+# Metres: an action before the first is timely; inside the second a ship that stands on may act.
+STAGE3, STAGE4 = 236.0, 67.0
+# Radii (m) of collision, near miss, minimum and preferred range, and what the range score gains between them.
+RADII, GAINS = (COLLISION, 50.0, 100.0, 200.0), (0.5, 0.3, 0.2)
+
+# What lacks in a pass counts so much, beside an action in full.
+PASS = 2.0
+
+
+def keeps_clear(kind: Tensor) -> Tensor:
+    """Return whether classes of encounter ask own ship to keep clear."""
+    return (kind == Encounter.HEAD_ON) | (kind == Encounter.GIVE_WAY) | (kind == Encounter.OVERTAKING)
+
+
+def stands_on(kind: Tensor) -> Tensor:
+    """Return whether classes of encounter ask own ship to keep course and speed."""
+    return (kind == Encounter.STAND_ON) | (kind == Encounter.OVERTAKEN)
+
+
+def safety_score(distance: Tensor, bearing: Tensor, aspect: Tensor, safe: float) -> Tensor:
+    """Return the safety of passes (2): by range (3), and by pose at CPA (4 to 6); all are [...].
+
+    The range score rises from 0 at the collision radius to 0.5, 0.8 and 1 at those of a near miss, the
+    minimum and the preferred range.
+
+    Args:
+        distance: least distance (m).
+        bearing: of the target ship from own ship at CPA (rad).
+        aspect: bearing of own ship from the target ship at CPA (rad).
+        safe: the world's safe distance (m), to which the source's radii are scaled.
+    """
+    radii, ranged = [radius * safe / COLLISION for radius in RADII], torch.zeros_like(distance)
+    for low, high, gain in zip(radii[:-1], radii[1:], GAINS, strict=True):
+        ranged += gain * ((distance - low) / (high - low)).clamp(0.0, 1.0)
+    pose = 0.25 * (1 - aspect.cos()).clamp(max=1.0) + 0.75 * (1 - bearing.cos()).clamp(max=1.0)
+    return (ranged + (1 - ranged) * pose) * (distance >= safe)
+
+
+def wrong_side(kind: Tensor, bearing: Tensor, aspect: Tensor) -> Tensor:
+    """Return what scores lose for the side of passing: not port to port, or ahead of the other ship's bow.
+
+    Args:
+        kind: classes of encounter [...].
+        bearing: of the target ship from own ship at CPA (rad) [...].
+        aspect: bearing of own ship from the target ship at CPA (rad) [...].
+    """
+    port_to_port = ((aspect.sin() - 1) / 2).square() * ((bearing.sin() - 1) / 2).square()
+    degrees = torch.rad2deg(aspect)
+    return (
+        0.6 * (1 - port_to_port) * (kind == Encounter.HEAD_ON)
+        + 0.5 * ((degrees > -25) & (degrees < 165)) * (kind == Encounter.GIVE_WAY)
+        + 0.3 * (degrees.abs() < 45) * (kind == Encounter.OVERTAKING)
+    )
+
+
+def rule_payment(before: Tensor, after: Tensor, safe: float) -> Tensor:
+    """Return what steps of N ships earn by the rules, [N]: about 1 in an episode in which all are kept in full.
+
+    It is the mean over the target ships.
+
+    Where own ship keeps clear, its action counts as far as it is timely; at CPA it costs what safety and side
+    of passing lack. Where it stands on, its action costs, until the ship is in stage 4.
+
+    Args:
+        before: states [N, S], with what `sim.encounter.Tracker` writes.
+        after: states a step later.
+        safe: the world's safe distance (m).
+    """
+    kind, later = (target_ships(state)[..., SHIP_CLASS] for state in (before, after))
+    first, then = relative_motion(before), relative_motion(after)
+    acted = (target_ships(after)[..., SHIP_ACTION] - target_ships(before)[..., SHIP_ACTION]) * (kind == later)
+    is_ahead = first.tcpa > 0
+    timely = (first.distance / STAGE3).clamp(max=1.0)
+    paid = acted * timely * (keeps_clear(kind) & is_ahead)
+    paid = paid - acted * (stands_on(kind) & (first.distance > STAGE4))
+    distance = closest_approach(relative_positions(before), relative_positions(after))
+    lacks = 1 - safety_score(distance, then.bearing, then.aspect, safe)
+    lacks = lacks + wrong_side(kind, then.bearing, then.aspect)
+    paid = paid - PASS * lacks * (keeps_clear(kind) & is_ahead & (then.tcpa <= 0))
+    return paid.sum(-1) / before[..., SHIP_COUNT].clamp(min=1)

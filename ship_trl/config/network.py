@@ -7,7 +7,7 @@ from typing import Any, NamedTuple
 
 from omegaconf import OmegaConf
 
-from ship_trl.config.bounds import PICTURE, SHIP_NUMBERS
+from ship_trl.config.bounds import PICTURE
 from ship_trl.config.errors import require
 from ship_trl.config.paths import conf_dir
 from ship_trl.config.schema import read_as

@@ -195,8 +195,8 @@ class Network:
     `conv` lists conv layers from the picture on, each [filters, kernel, stride], square and without padding.
     `hidden` is the width of the fully connected layer behind them, which value and advantage share.
     `linear` lists the widths of fully connected layers, in place of both; they see the nearest `ships`. The
-    first `per_ship` of them see own ship and one target ship at a time. With `encounters` they also see what has
-    happened since an encounter began. `vector_time` is the time whose way
+    first `per_ship` of them see own ship and one target ship at a time. With `encounters` they also see what
+    has happened since an encounter began. `vector_time` is the time whose way
     the speed vectors show in the picture that the conv layers see; 0 draws none.
     """
 

@@ -33,15 +33,21 @@ Array = np.ndarray[Any, Any]
 
 
 @compiled()
-def steer(row: Array, actions: Array, dt: float) -> int:
-    """Return the action whose turn brings the bow nearest to the goal in a state [S]."""
-    off = math.atan2(row[GOAL_Y] - row[Y], row[GOAL_X] - row[X]) - row[HEADING]
-    off -= 2 * math.pi * math.floor((off + math.pi) / (2 * math.pi))
+def steer_by(off: float, actions: Array, dt: float) -> int:
+    """Return the action whose turn comes nearest to an angle (rad) off the bow."""
     best = 0
     for k in range(actions.shape[0]):
         if abs(off - actions[k, 1] * dt) < abs(off - actions[best, 1] * dt):
             best = k
     return best
+
+
+@compiled()
+def steer(row: Array, actions: Array, dt: float) -> int:
+    """Return the action whose turn brings the bow nearest to the goal in a state [S]."""
+    off = math.atan2(row[GOAL_Y] - row[Y], row[GOAL_X] - row[X]) - row[HEADING]
+    off -= 2 * math.pi * math.floor((off + math.pi) / (2 * math.pi))
+    return steer_by(off, actions, dt)
 
 
 @compiled()

@@ -99,7 +99,7 @@ class Algorithm(ABC):
         self.online_network = network = setup.network
         network.freeze(self.method.frozen_layers(0.0))
         network.backend = make_backend(network, self.draw, self.learn, setup.accelerator.incremental)
-        network.skips_empty_places = network.advantage.weight.device.type == "cpu"
+        network.skips_empty_places = network.advantage.weight.is_cpu
         self.dtype, self.backend = network.backend.dtype, network.backend.name
         self.optimiser = ChannelsLastAdam(learning_groups(network, self.method.rate_factor), self.learn.lr)
         self.encoders: dict[str, Draw] = {}

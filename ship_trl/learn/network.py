@@ -126,6 +126,9 @@ class DuelingNetwork(nn.Module):
 
     observes = "pixels"
     frozen = 0
+    # Of ships as numbers the nearest come first, and the last places are often empty in a whole batch. On a
+    # GPU, and where the network is compiled or stacked, shapes must not depend on values.
+    skips_empty_places = False
 
     def __init__(
         self, inputs: int, num_actions: int, generator: Generator, config: Network | None = None
@@ -293,9 +296,6 @@ class VectorNetwork(DuelingNetwork):
     """
 
     observes = "vector"
-    # The nearest ships come first, and the last places are often empty in a whole batch. On a GPU, and where the
-    # network is compiled or stacked, shapes must not depend on values.
-    skips_empty_places = False
 
     def _add_layers(self, inputs: int) -> tuple[tuple[str, ...], int, int]:
         """Add the layers below `shared`; return `layer_names`, the inputs of `shared` and its width."""

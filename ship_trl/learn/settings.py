@@ -79,8 +79,8 @@ class Pupil:
 class Aggrevate:
     """Imitation of held manoeuvres by their values (learn/aggrevate.py).
 
-    `own_fraction` is the share of the episodes after which the network chooses all actions. `worst` bounds how
-    much less than the best action another one counts, in points of return. The temperature is in scaled
+    `own_fraction` is the share of the episodes after which the network chooses all actions. `worst` bounds
+    how much less than the best action another one counts, in points of return. The temperature is in scaled
     rewards.
     """
 

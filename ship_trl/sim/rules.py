@@ -55,7 +55,7 @@ def safety_score(distance: Tensor, bearing: Tensor, aspect: Tensor, safe: float)
 
 
 def wrong_side(kind: Tensor, bearing: Tensor, aspect: Tensor) -> Tensor:
-    """Return what scores lose for the side of passing: not port to port, or ahead of the other ship's bow.
+    """Return what scores lose for the side of a pass: not port to port, or ahead of the other ship's bow.
 
     Args:
         kind: classes of encounter [...].
@@ -72,7 +72,7 @@ def wrong_side(kind: Tensor, bearing: Tensor, aspect: Tensor) -> Tensor:
 
 
 def rule_payment(before: Tensor, after: Tensor, safe: float) -> Tensor:
-    """Return what steps of N ships earn by the rules, [N]: about 1 in an episode in which all are kept in full.
+    """Return what steps of N ships earn by the rules, [N]: about 1 in an episode in which all are kept.
 
     It is the mean over the target ships.
 

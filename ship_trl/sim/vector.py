@@ -42,8 +42,8 @@ CLASSES = (
 class VectorObservation:
     """Observes states as numbers of about one: `observe(state)` maps float [..., S] to float32 [..., F].
 
-    F is 5 + 10 K, or 5 + 19 K with `encounters`. Each number with what 1 stands for, and its range; the second group once for each of the K
-    nearest target ships, nearest first, and all zero where there is no ship:
+    F is 5 + 10 K, or 5 + 19 K with `encounters`. Each number with what 1 stands for, and its range; the
+    second group once for each of the K nearest target ships, nearest first, and all zero where there is none:
 
         distance of the goal | 640 m | from 0
         sine of the goal's bearing | | -1 to 1, port positive

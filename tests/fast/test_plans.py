@@ -2,8 +2,11 @@
 
 from __future__ import annotations
 
+from functools import partial
+
 import pytest
 import torch
+from tensordict import TensorDictBase
 
 from ship_trl.config.types import Margin
 from ship_trl.fast.plans import PlanValues
@@ -45,24 +48,22 @@ def test_values_are_returns_of_episodes(name: str, changes: dict[str, float]) ->
                 stepped, current = env.step_and_maybe_reset(current.set("action", action))
                 total += stepped["next", "reward"][:, 0] * running
                 running &= ~stepped["next", "done"][:, 0]
+            assert first is not None
             found = values.of_plans(begin["state"], plan[None]).gather(1, first[:, None])[:, 0]
-            # Rounding decides some: whether an encounter begins in this step or the next, or between two turns
-            # that bring the bow equally near to the goal.
+            # Rounding decides some: whether an encounter begins in this step or the next, or between two
+            # turns that bring the bow equally near to the goal.
             assert ((found - total).abs() < 0.05).double().mean() > 0.9
 
 
 def test_each_action_has_a_value_and_the_best_one_solves_random_traffic() -> None:
     suite = load_suite("traffic_test", WORLD)
     env = make_env(suite, WORLD, starts=draw_starts(suite, WORLD, 60, 0))
-    careless, obeying = (
-        rollout(
-            env,
-            lambda step, v=PlanValues(WORLD, Margin(65, 30, w)): step.set(
-                "action", v(step["state"]).argmax(-1)
-            ),
-        )
-        for w in (0.0, 200.0)
-    )
+    values = {weight: PlanValues(WORLD, Margin(65, 30, weight)) for weight in (0.0, 200.0)}
+
+    def act(step: TensorDictBase, weight: float) -> TensorDictBase:
+        return step.set("action", values[weight](step["state"]).argmax(-1))
+
+    careless, obeying = (rollout(env, partial(act, weight=weight)) for weight in values)
     assert PlanValues(WORLD, Margin())(env.reset()["state"]).isfinite().all()
     for episodes in (careless, obeying):
         assert sum(one.goal for one in episodes) >= 57

@@ -10,9 +10,7 @@ from torch import Tensor
 from ship_trl.fast.worlds import make_step
 from ship_trl.sim.cases import (
     BEHAVIOURS,
-    GIVES_WAY,
     GIVING_WAY,
-    HOLDS_COURSE,
     Behaviour,
     Suite,
     TargetShip,

@@ -27,7 +27,12 @@ from ship_trl.sim.transition import Transition
 
 COUNT = 2000
 # Three ships at most, all within the picture: the scenes of `traffic_test` were drawn so.
-SMALL = {"ships": [0.1, 0.3, 0.3, 0.3], "speeds": [7.5, 15], "distance": [54, 640], "reacting": 0.0}
+SMALL: dict[str, Any] = {
+    "ships": [0.1, 0.3, 0.3, 0.3],
+    "speeds": [7.5, 15],
+    "distance": [54, 640],
+    "reacting": 0.0,
+}
 # Count of ships, then x, y, heading, speed and behaviour of each place, in the scene of seed 8.
 PINNED = [3.0, -68.9, -66.4, 1.4, 20.6, 0.0, 289.6, 222.6, 2.4, 11.5, 0.0, 32.9, 417.2, 4.7, 8.4, 0.0]
 

@@ -21,8 +21,8 @@ X, Y, HEADING, SPEED, YAW_RATE, GOAL_X, GOAL_Y, STEP, SHIP_COUNT = range(9)
 OWN_SIZE = 9
 # Behind own ship, goal, step and count: the numbers of each place for a target ship. A place at or beyond
 # `SHIP_COUNT` is empty, and holds zeros. The second row is what has happened, see `sim.encounter.Tracker`:
-# the ship's rate of turn (rad/s), the class of encounter that is locked, the step and own heading at its onset,
-# and how much own ship has changed course and speed since then, from 0 to 1.
+# the ship's rate of turn (rad/s), the class of encounter that is locked, the step and own heading at its
+# onset, and how much own ship has changed course and speed since then, from 0 to 1.
 SHIP_X, SHIP_Y, SHIP_HEADING, SHIP_SPEED, SHIP_BEHAVIOUR = range(5)
 SHIP_TURN, SHIP_CLASS, SHIP_ONSET, SHIP_ONSET_HEADING, SHIP_ACTION = range(5, 10)
 SHIP_SIZE = 10

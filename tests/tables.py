@@ -60,14 +60,17 @@ def pixels() -> Rows:
 def vector() -> Rows:
     """Return the numbers of a vector observation, as its docstring explains them."""
     about = inspect.getdoc(VectorObservation) or ""
-    own, ship = (
+    own, ship, encounter = (
         [[cell.strip() for cell in line.split("|")] for line in group.splitlines()]
         for group in re.findall(r"(?:^ {4}.* \|.* \| .*\n)+", about, re.M)
     )
     rows: Rows = [("index", "number", "1 is", "range")]
+    # The last number of a ship says whether there is one.
+    ship[-1:-1] = encounter
+    last = len(ship) * (load_network("vector").ships - 1)
     for k, meaning in enumerate([*own, *ship]):
-        again = load_network("vector").ships if k >= len(own) else 1
-        rows.append((", ".join(f"{k + n * len(ship)}" for n in range(again)), *meaning))
+        again = f", {k + len(ship)}, ... {k + last}" if k >= len(own) else ""
+        rows.append((f"{k}{again}", *meaning))
     return rows
 
 

@@ -65,7 +65,11 @@ class VectorObservation:
     Before the last one, with `encounters`, stand those of the encounter that is locked (`sim.encounter`):
 
         rate of turn | 0.1 rad/s | any, port positive
-        head-on, give way, stand on, overtaking, overtaken | | each 0 or 1
+        whether own ship meets it head-on | | 0 or 1
+        whether own ship gives way to it | | 0 or 1
+        whether own ship stands on | | 0 or 1
+        whether own ship overtakes it | | 0 or 1
+        whether it overtakes own ship | | 0 or 1
         time since the onset | 20 s | from 0
         own turn since the onset | 0.5 rad | -6.3 to 6.3, port positive
         own action since the onset | | 0 to 1

@@ -1,7 +1,7 @@
-"""`python -m studies.frontier`: what keeping the steering rules costs in success, at six weights of the reward.
+"""`python -m studies.frontier`: what keeping the steering rules costs in success, at six weights.
 
-Each network learns from numbers by `algorithm=aggrevate` with its `margin.rules`, one seed and 3,000 episodes:
-two to three minutes on one core. Missing runs are made, one after the other.
+Each network learns from numbers by `algorithm=aggrevate` with its `margin.rules`, one seed and 3,000
+episodes: two to three minutes on one core. Missing runs are made, one after the other.
 
 Writes:
     FOLDER/WEIGHT/           the runs

@@ -12,7 +12,7 @@ from __future__ import annotations
 import sys
 from collections import Counter
 from concurrent.futures import ProcessPoolExecutor
-from dataclasses import astuple, replace
+from dataclasses import astuple
 from functools import partial
 from itertools import count
 
@@ -48,10 +48,7 @@ DIGITS = 4
 
 def draw_case(seed: int, world: World) -> tuple[tuple[int, str], Case]:
     """Return the stratum and the case of a seed."""
-    # As `traffic` was when the scenes were chosen: at most three ships, within the picture.
-    reacting = load_suite("traffic_reacting", world)
-    assert reacting.traffic is not None
-    suite = replace(reacting, traffic=replace(reacting.traffic, reacting=0.0))
+    suite = load_suite("traffic_near", world)
     state = make_starts(suite, world).sample(1, Generator().manual_seed(seed))
     ships, motion = int(state[0, SHIP_COUNT]), relative_motion(state)
     first = int(classify(motion.bearing, motion.aspect)[0, 0]) if ships else Encounter.NONE

@@ -46,6 +46,16 @@ def load_network(name: str = "paper") -> Network:
     return read_as(Network, OmegaConf.load(conf_dir() / "network" / f"{name}.yaml"))
 
 
+def vector_part(part: Network, whole: Network) -> list[int]:
+    """Return the places of the numbers that a network sees among those of one that sees as much or more.
+
+    So networks that see fewer ships, or no encounters, act on the numbers of Gymnasium's environment.
+    """
+    each = [*range(part.ship_numbers - 1), whole.ship_numbers - 1]
+    first = range(whole.own_numbers, whole.own_numbers + part.ships * whole.ship_numbers, whole.ship_numbers)
+    return [*range(whole.own_numbers), *(start + number for start in first for number in each)]
+
+
 def geometry(network: Network) -> Geometry:
     """Compute the input and output maps of the conv layers, from the picture on; a vector has none.
 

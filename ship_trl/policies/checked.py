@@ -13,6 +13,7 @@ from torch import Tensor
 
 from ship_trl.config.errors import ConfigError, require
 from ship_trl.config.imports import name_in_errors
+from ship_trl.config.network import load_network, vector_part
 from ship_trl.learn.rollout import Policy
 from ship_trl.sim.state import OWN_SIZE, SHIP_SIZE
 from ship_trl.transfer.weights import Look
@@ -47,6 +48,12 @@ class CheckedPolicy(TensorDictModuleBase):
             self.env_options["observation"] = look.observes
         if look is not None and look.observes == "pixels":
             self.env_options |= {"colour": look.colour, "vector_time": look.network.vector_time}
+        whole = load_network("vector")
+        # Where it sees a part of Gymnasium's vector.
+        self._part: list[int] | None = None
+        if look is not None and look.observes == "vector" and look.network.inputs < whole.inputs:
+            self._part = vector_part(look.network, whole)
+            self._whole = whole.inputs
 
     @torch.no_grad()
     def predict(
@@ -70,6 +77,8 @@ class CheckedPolicy(TensorDictModuleBase):
         require(deterministic, "deterministic", f"True: {self.name} acts greedily", deterministic)
         given, shape = np.asarray(observation), self._shape
         dtype = np.uint8 if self.observation == "pixels" else np.float32
+        if self._part is not None and given.shape[-1:] == (self._whole,):
+            given = given[..., self._part]
         if len(shape) > 1 and given.shape[-3:] == (*shape[1:], shape[0]):
             given = np.moveaxis(given, -1, -3)
         elif has_state_size(given) and not shape:
@@ -89,6 +98,7 @@ class CheckedPolicy(TensorDictModuleBase):
             return f"the scene, info['state'], {STATES} or without N"
         options = ", ".join(f"{key}={value!r}" for key, value in self.env_options.items())
         channels, *sides = self._shape
+        channels = channels if self._part is None else self._whole
         given = f"uint8 {[*sides, channels]}" if sides else f"float32 {[channels]}"
         return f"{self.observation}, {given} or a batch, as gymnasium.make(..., {options}) gives them"
 

@@ -27,11 +27,18 @@ if TYPE_CHECKING:
 
 RUNS = Path("outputs/pretrained")
 SEEDS = range(100, 105)
-# The networks of random encounters by name: the seeds of their runs, and their words.
-TRAFFIC = "traffic"
+# The networks of random encounters by name: suite and seeds of their runs, and their words.
+NUMBERS = "observation=vector"
+# Stands for the network `traffic`, which was written just before.
+TEACHER = "algorithm.teacher=traffic"
 SUITES = {
-    "traffic": (range(5), ["observation=vector"]),
-    "traffic_pixels": (range(3), ["algorithm=pupil", "algorithm.teacher={folder}/traffic.safetensors"]),
+    "traffic": ("traffic_near", range(5), [NUMBERS, "network.ships=3", "network.encounters=false"]),
+    "traffic_pixels": ("traffic_near", range(3), ["algorithm=pupil", TEACHER]),
+    "traffic_broad": ("traffic", range(3), [NUMBERS]),
+    "traffic_rules": (
+        *("traffic", range(3)),
+        [NUMBERS, "algorithm=aggrevate", "margin.rules=200", "network.linear=[256,256,512,256]"],
+    ),
 }
 # The suites that their success rates are of. Equal episodes on the first allow half precision.
 TESTS = ("imazu", "traffic_test")
@@ -102,12 +109,11 @@ def make_suites(folder: Path, runs: Path) -> None:
 
     configure_process()
     suites, written = {test: load_suite(test, load_world()) for test in TESTS}, []
-    for name, (seeds, words) in SUITES.items():
-        # A second network has an output folder of its own.
-        output = runs if name == TRAFFIC else runs / name
-        parts = (word.format(folder=folder).partition("=") for word in words)
-        train(output, seeds, f"target={TRAFFIC}", *(override(key, value) for key, _, value in parts))
-        place = output / TRAFFIC / "scratch"
+    for name, (target, seeds, words) in SUITES.items():
+        output = runs / name
+        teacher = override("algorithm.teacher", folder / "traffic.safetensors")
+        train(output, seeds, f"target={target}", *(teacher if word == TEACHER else word for word in words))
+        place = output / target / "scratch"
         found = {seed: read_trained(place / f"seed={seed}") for seed in seeds}
         rates = {str(seed): run.best.success_rate for seed, run in found.items()}
         # On ties `max` finds the first, which has the lower seed.

@@ -26,23 +26,14 @@ from ship_trl.sim.state import (
 from ship_trl.sim.transition import Transition
 
 COUNT = 2000
-# Three ships at most, all within the picture: the scenes of `traffic_test` were drawn so.
-SMALL: dict[str, Any] = {
-    "ships": [0.1, 0.3, 0.3, 0.3],
-    "speeds": [7.5, 15],
-    "distance": [54, 640],
-    "reacting": 0.0,
-}
 # Count of ships, then x, y, heading, speed and behaviour of each place, in the scene of seed 8.
 PINNED = [3.0, -68.9, -66.4, 1.4, 20.6, 0.0, 289.6, 222.6, 2.4, 11.5, 0.0, 32.9, 417.2, 4.7, 8.4, 0.0]
 
 
 def scenes(world: World, seed: int = 0, count: int = COUNT, **changes: Any) -> Tensor:
-    traffic = load_suite("traffic", world).traffic
+    traffic = load_suite("traffic_near", world).traffic
     assert traffic is not None
-    return TrafficStarts(replace(traffic, **SMALL | changes), world).sample(
-        count, Generator().manual_seed(seed)
-    )
+    return TrafficStarts(replace(traffic, **changes), world).sample(count, Generator().manual_seed(seed))
 
 
 @pytest.fixture(scope="module")
@@ -87,7 +78,7 @@ def test_a_seed_is_a_scene_for_good(world: World) -> None:
 
 
 def test_a_scene_depends_on_its_own_seed_alone(world: World) -> None:
-    starts, generator = make_starts(load_suite("traffic", world), world), Generator().manual_seed(7)
+    starts, generator = make_starts(load_suite("traffic_near", world), world), Generator().manual_seed(7)
     together = starts.sample(20, Generator().manual_seed(7))
     assert all((starts.sample(1, generator)[0] == row).all() for row in together)
 

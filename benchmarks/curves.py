@@ -1,8 +1,8 @@
 """`python -m benchmarks curves`: how soon learners avoid random encounters, in minutes of one core.
 
-ship_trl and Stable-Baselines3's DQN and PPO learn from the same numbers on suite `traffic`, one after the
+ship_trl and Stable-Baselines3's DQN and PPO learn from the same numbers on suite `traffic_near`, one after the
 other. Every half minute of training, their greedy policies meet the scenes of `traffic_test`. Minutes are
-processor time, evaluations not counted. ship_trl trains as `target=traffic method=scratch
+processor time, evaluations not counted. ship_trl trains as `target=traffic_near method=scratch
 observation=vector`, whose profile adds a cost of near passes to the reward; the others learn from the
 environment's reward.
 """
@@ -57,7 +57,7 @@ TABLE, PICTURE = Path("outputs/curves.csv"), Path("outputs/curves.png")
 STEPS = 290 * 4096
 # All ships at once: layers that see one ship at a time are ours.
 LAYERS = [256, 256, 256]
-RUN = ("target=traffic", "profile=traffic", "method=scratch", "observation=vector")
+RUN = ("target=traffic_near", "profile=traffic", "method=scratch", "observation=vector")
 # Takes the greedy policy, the steps so far and whether training ends; returns whether to continue.
 Record = Callable[[Policy, int, bool], bool]
 
@@ -256,9 +256,9 @@ def train_ppo(seed: int, record: Record) -> None:
 def train_peer(
     kind: Callable[..., BaseAlgorithm], settings: dict[str, Any], learn: Learn, seed: int, record: Record
 ) -> None:
-    """Train a model on suite `traffic` for `STEPS` steps, or until `record` returns False."""
+    """Train a model on suite `traffic_near` for `STEPS` steps, or until `record` returns False."""
     made: dict[str, Any] = {"reward_scale": learn.reward_scale, "observation": "vector"}
-    envs = ShipVecEnv(ShipCollisionVectorEnv(learn.num_envs, "traffic", **made))
+    envs = ShipVecEnv(ShipCollisionVectorEnv(learn.num_envs, "traffic_near", **made))
     common: dict[str, Any] = {"gamma": learn.gamma, "policy_kwargs": {"net_arch": LAYERS}, "device": "cpu"}
     model = kind("MlpPolicy", envs, seed=seed, **common, **settings)
     model.learn(STEPS, Recorder(record, greedy_policy(model)))

@@ -45,7 +45,7 @@ class Reads:
         ignored: keys of others that it does not read.
         is_default: whether files and digests leave it out.
         is_on_policy: whether it learns from its own actions alone, without replay and Q-values.
-        is_distilled: whether it learns the Q-values of a teacher.
+        is_distilled: whether it learns the Q-values of a teacher or an expert.
         has_expert: whether that teacher is an expert that plans in the simulator.
         batch_key: its own key of a batch's size, in place of `learn.batch_size`.
         unnamed_without: its own keys that files and digests leave out where the key before them is 0.
@@ -156,7 +156,7 @@ def check_memory(config: Config) -> None:
     key, batch, frozen = "learn.batch_size", learn.batch_size, config.arm.frozen_layers
     if own := reads_of(config.algorithm).batch_key:
         key, batch = f"algorithm.{own}", config.algorithm[own]
-    transition = TRANSITION_BYTES + 8 * network.inputs * bool(network.linear)
+    transition = TRANSITION_BYTES
     is_dense = config.device != "cpu" or learn.backend is BackendName.dense
     if layers and frozen >= linear_from(layers) and supports_incremental(layers) and not is_dense:
         # The replay holds features of both states too, two bytes a number.
@@ -231,3 +231,6 @@ def check_algorithm(config: Config) -> None:
     if reads.is_distilled:
         allowed = "another with an algorithm that learns the Q-values of a teacher"
         require(method != "q_reuse", "method", allowed, method)
+    if reads.has_expert:
+        allowed = "left out with an algorithm that has an expert"
+        require(config.demonstrations is None, "demonstrations", allowed, config.demonstrations)

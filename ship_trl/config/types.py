@@ -166,13 +166,19 @@ class Margin:
     """What training alone adds to the reward, so that ships keep more than the safe distance.
 
     A step that passes a target ship inside `distance` (m) costs up to `penalty`: nothing at `distance`, all
-    of it at the safe distance. An episode in which the steering rules are kept in full earns about `rules`
+    of it at the safe distance. Keeping the steering rules earns at most `rules` an episode
     (`sim.rules`).
     """
 
     distance: bounds.Bound = 0.0
     penalty: bounds.Bound = 0.0
     rules: bounds.Bound = 0.0
+
+
+def describe_margin(margin: Margin) -> dict[str, float]:
+    """Return what a margin adds, as a digest of runs names it."""
+    near = {"distance": margin.distance, "penalty": margin.penalty} if margin.penalty else {}
+    return near | ({"rules": margin.rules} if margin.rules else {})
 
 
 @dataclass

@@ -1,7 +1,7 @@
 """What held manoeuvres earn in training, as compiled loops: the values of an expert.
 
-They are rollouts in the simulator itself, in which target ships hold course or give way as they really would;
-tests compare them with the environment. A ship is a row of `SHIP` numbers, which keeps what `fast.step` and
+They are rollouts in the simulator itself: target ships hold course or give way as they really would (recorded
+ships are taken to hold course). Tests compare them with the environment. A ship is a row of `SHIP` numbers, which keeps what `fast.step` and
 `fast.track` would compute again in every step: 100,000 rollouts take a second.
 """
 
@@ -57,6 +57,8 @@ VELOCITY_X, VELOCITY_Y, BEFORE_X, BEFORE_Y, BEFORE_TCPA = range(SHIP_SIZE, SHIP_
 SHIP = SHIP_SIZE + 5
 # Radians: nearer to the bow the goal counts as ahead.
 AHEAD = 0.006
+# Share of the speed: with more to gain, ships that fall behind may come nearer again.
+SLOWED = 1e-3
 
 
 @compiled(RELAXED)
@@ -254,7 +256,8 @@ def follow(
             now = x, y, heading, speed * cos, speed * sin
             more, is_nearing = pay_all(ships, now, slowed, safe, tracked[1])
             earned += rules * more
-            nearing = is_nearing or hold + wait > 0 or abs(off) > AHEAD or abs(yaw) > 0
+            is_turning = hold + wait > 0 or abs(off) > AHEAD or abs(yaw) > 0
+            nearing = is_nearing or is_turning or slowed > SLOWED
         total += discount * earned
         if reached or collided:
             break

@@ -18,7 +18,7 @@ from ship_trl.sim.env import Engine, ShipEnv
 from ship_trl.sim.render import Drawing, Rasteriser
 from ship_trl.sim.starts import Starts, TrafficStarts
 from ship_trl.sim.starts import make_starts as make_plain_starts
-from ship_trl.sim.transition import Step, Transition
+from ship_trl.sim.transition import Outcome, Step, Transition
 
 # Loops are imported where they are needed: numba takes half a second, and a GPU needs none.
 # Added to the seed of the starts, whose random numbers must not be those of a policy.
@@ -92,6 +92,17 @@ def make_env(
 def make_step(world: World, device: torch.device | str = "cpu", *, fast: bool = True) -> Step:
     """Make the simulation step of a world."""
     return engine(fast).step(Transition(world, device))
+
+
+def make_tracked_step(world: World, device: torch.device | str = "cpu", *, fast: bool = True) -> Step:
+    """Make the simulation step of a world that also writes into states what has happened, see `Tracker`."""
+    step, track = make_step(world, device, fast=fast), engine(fast).tracker(Tracker(world, device))
+
+    def tracked(state: Tensor, action: Tensor) -> Outcome:
+        after = step(state, action)
+        return after._replace(state=track(state, after.state))
+
+    return tracked
 
 
 def make_starts(suite: Suite, world: World) -> Starts | TrafficStarts:

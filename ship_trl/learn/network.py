@@ -352,7 +352,7 @@ class VectorNetwork(DuelingNetwork):
         own = self.config.own_numbers
         ships = observation[..., own:].unflatten(-1, (self.config.ships, self.config.ship_numbers))
         if self.skips_empty_places and ships.numel():
-            taken = ships[..., -1].ne(0).flatten(0, -2).any(0).nonzero()
+            taken = ships[..., -1].ne(0).reshape(-1, self.config.ships).any(0).nonzero()
             ships = ships[..., : 1 + int(taken[-1]) if len(taken) else 1, :]
         return observation[..., :own], ships
 

@@ -33,9 +33,9 @@ if TYPE_CHECKING:
 
 # Bytes of the number of observations that follow, and the type of the actions that come back.
 COUNT, ACTION = 4, np.dtype(np.int64)
-# Of training alone: a whole replay, and functions that another Python may not unpickle.
 # What the numbers were before they told of encounters.
 OLDER = Network(linear=[1], ships=3)
+# Of training alone: a whole replay, and functions that another Python may not unpickle.
 UNUSED = {"buffer_size": 1, "learning_rate": 0.1, "lr_schedule": 0.1, "clip_range": 0.1, "clip_range_vf": 0.1}
 
 

@@ -9,12 +9,13 @@ import torch
 from torch import Generator, Tensor
 
 from ship_trl.fast.graphs import Captured
-from ship_trl.fast.worlds import make_rasteriser, make_step
+from ship_trl.fast.worlds import make_rasteriser, make_tracked_step
 from ship_trl.learn.lockstep import Lockstep
 from ship_trl.learn.network import DuelingNetwork, make_network
 from ship_trl.run.plan import Run
 from ship_trl.run.setup import read_source
 from ship_trl.sim.cases import load_case
+from ship_trl.sim.encounter import Tracker
 from ship_trl.sim.state import initial_state
 from ship_trl.sim.vector import VectorObservation
 from ship_trl.transfer.methods import feature_extraction, make_method
@@ -67,7 +68,7 @@ def make_lockstep(
         networks,
         frozen,
         begin,
-        make_step(world, device),
+        make_tracked_step(world, device),
         VectorObservation.of(network, world)
         if network.linear
         else make_rasteriser(world, vector_time=network.vector_time, device=device),
@@ -87,7 +88,8 @@ def starts(runs: Sequence[Run], cases: Sequence[str]) -> Tensor:
         initial_state(load_case(case, world, "target"), world, PLACES)
         for case, world in zip(cases, worlds, strict=True)
     ]
-    return torch.stack(states)
+    begin = torch.stack(states)
+    return Tracker(worlds[0])(begin, begin)
 
 
 def start_network(run: Run) -> tuple[DuelingNetwork, tuple[str, ...]]:

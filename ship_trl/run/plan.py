@@ -24,7 +24,16 @@ from ship_trl.config.errors import ConfigError, one_line, override, require
 from ship_trl.config.network import non_default_network
 from ship_trl.config.paths import conf_files, stem
 from ship_trl.config.schema import read_as
-from ship_trl.config.types import Config, Perturbation, Situations, Transfer, World, plain, world_values
+from ship_trl.config.types import (
+    Config,
+    Perturbation,
+    Situations,
+    Transfer,
+    World,
+    describe_margin,
+    plain,
+    world_values,
+)
 from ship_trl.files.curve import RunError
 from ship_trl.files.disk import atomic_write, remove
 from ship_trl.files.record import RESULT, RunRecord, read_run
@@ -275,7 +284,7 @@ def hash_of(
     own, default = (plain(each).get(config.method, {}) for each in (config.transfer, Transfer()))
     optional: dict[str, Any] = {
         "transfer": {key: value for key, value in own.items() if value != default[key]},
-        "margin": {key: value for key, value in plain(config.margin).items() if value},
+        "margin": describe_margin(config.margin),
         "network": non_default_network(config.network),
         "vector_version": VECTOR_VERSION if config.network.linear else None,
         "algorithm": algorithm and algorithm | digests,

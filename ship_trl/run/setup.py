@@ -33,7 +33,7 @@ from ship_trl.sim.state import mirrored_state
 from ship_trl.transfer.casebase import StoredNetwork
 from ship_trl.transfer.methods import make_method
 from ship_trl.transfer.methods.base import Origin, fixed_copy
-from ship_trl.transfer.weights import Weights, load_weights, permute_values
+from ship_trl.transfer.weights import Weights, load_weights, permute_values, read_look
 
 # Networks that run side by side before training; each takes 3 MB.
 JUMPSTART_BATCH = 25
@@ -117,8 +117,12 @@ def make_parts(run: Run, device: torch.device, source: Source | None) -> Parts:
             method.attach(make_origin(run, fixed, eval_env, mean_return(untrained)))
         method.copy(network, source.weights)
     teacher, values = find_teacher(config), None
+    mirror: Callable[[Tensor], Tensor] | None = mirrored_state
     if teacher is not None:
         values = read_teacher(teacher, eval_env)
+        if read_look(teacher.path, TEACHER).network.encounters or config.network.encounters:
+            # The rules are not symmetric: a mirror image would have other encounters.
+            mirror = None
     elif reads_of(config.algorithm).has_expert:
         values = make_expert(config)
     setup = Setup(
@@ -131,7 +135,7 @@ def make_parts(run: Run, device: torch.device, source: Source | None) -> Parts:
         method=method,
         options=config.algorithm,
         teacher=values,
-        mirror=mirrored_state,
+        mirror=mirror,
         accelerator=accelerator(config.fast),
     )
     algorithm = build_algorithm(setup)

@@ -41,6 +41,8 @@ Point = Annotated[list[Number], rule("two numbers, as [X,Y]", lambda point: len(
 UNPERTURBED = Perturbation()
 # Increase it with every change after which a seed of random encounters is another scene.
 SCENES_VERSION = 2
+# Of how ships give way by default: 2 since they begin 30 s before, at 0.1 rad/s.
+GIVE_WAY_VERSION = 2
 MAX_TABLE_BYTES, MAX_SHIPS = 10_000_000, 3
 SHIP_COLUMNS = ("x", "y", "heading", "speed")
 TABLE_COLUMNS = (
@@ -210,6 +212,8 @@ class Suite:
             return cases[0]
         bounds = {name: float(bound) for name, bound in asdict(self.perturbation).items()}
         drawn = [] if self.traffic is None else [plain(self.traffic), SCENES_VERSION]
+        if self.traffic is not None and self.traffic.reacting:
+            drawn.append(GIVE_WAY_VERSION)
         values = json.dumps([cases, bounds, *drawn], sort_keys=True)
         return hashlib.sha256(values.encode()).hexdigest()[:12]
 

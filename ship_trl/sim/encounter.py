@@ -224,7 +224,7 @@ class Tracker:
     def __init__(self, world: World, device: torch.device | str = "cpu") -> None:
         self.device = torch.device(device)
         self.world, self.limits = world, limits_of(world.safe_distance)
-        self.cruise = world.actions[world.straight_action][0]
+        self.cruise = max(world.actions[world.straight_action][0], 1e-6)
 
     def __call__(self, before: Tensor, after: Tensor) -> Tensor:
         """Return the states after the step, float32 [N, S]; none is changed."""

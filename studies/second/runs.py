@@ -16,12 +16,13 @@ from tensordict import TensorDict
 from torch import Generator, Tensor
 
 from ship_trl.config.errors import ConfigError
-from ship_trl.fast.worlds import make_env, make_step
+from ship_trl.fast.worlds import make_env, make_tracked_step
 from ship_trl.files.disk import atomic_write
 from ship_trl.learn.lockstep import Lockstep, roll_out
 from ship_trl.policies.named import load_policy
 from ship_trl.run.lockstep import PLACES, learn, starts
 from ship_trl.sim.cases import load_case, load_suite, load_world, suite_of
+from ship_trl.sim.encounter import Tracker
 from ship_trl.sim.starts import Starts
 from ship_trl.sim.state import initial_state, state_size
 from studies.lockstep import EVALUATIONS, Row, Task, make_row, paths_to_keep, weights_path
@@ -81,15 +82,17 @@ def drawn_starts(target: str) -> Tensor:
     bounds = load_suite("imazu_perturbed" if target in IMAZU else "paper_perturbed", world).perturbation
     suite = suite_of(load_case(target, world, "target"), bounds)
     drawn = Starts(suite, world).sample(STARTS, Generator().manual_seed(STARTS_SEED))
-    return F.pad(drawn, (0, state_size(PLACES) - drawn.shape[1]))
+    begin = F.pad(drawn, (0, state_size(PLACES) - drawn.shape[1]))
+    return Tracker(world)(begin, begin)
 
 
 def traffic_starts() -> Tensor:
     """Return the initial states of `traffic_test`, [episodes, S]."""
     world = load_world()
-    return torch.stack(
+    begin = torch.stack(
         [initial_state(case, world, PLACES) for case in load_suite("traffic_test", world).cases]
     )
+    return Tracker(world)(begin, begin)
 
 
 def learn_traffic(overrides: Sequence[str], folder: Path) -> None:
@@ -103,7 +106,7 @@ def learn_traffic(overrides: Sequence[str], folder: Path) -> None:
         output, kept = folder / "runs", weights_path(folder, TRAFFIC, seed)
         if kept.exists():
             continue
-        words = [f"target={TRAFFIC}", "method=scratch", f"seed={seed}", f"output={output}", *network]
+        words = ["target=traffic_near", "method=scratch", f"seed={seed}", f"output={output}", *network]
         if subprocess.run([sys.executable, "-m", "ship_trl", *words], check=False).returncode:
             raise ConfigError(f"studies: the run from {TRAFFIC} with seed {seed} failed")
         (made,) = output.rglob(f"seed={seed}/policy.safetensors")
@@ -123,4 +126,4 @@ def policy_success(name: str, target: str | None) -> float:
         return acted["action"].view(state.shape[:2])
 
     begin = traffic_starts() if target is None else drawn_starts(target)
-    return float(roll_out(make_step(world), begin[None], choose)[1].float().mean())
+    return float(roll_out(make_tracked_step(world), begin[None], choose)[1].float().mean())

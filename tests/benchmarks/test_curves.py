@@ -71,7 +71,7 @@ def test_evaluations_are_due_by_training_time_alone(world: World, monkeypatch: p
 
 
 def test_peers_are_told_of_the_last_observation_and_of_timeouts() -> None:
-    make = lambda: ShipCollisionVectorEnv(8, "traffic", observation="vector")  # noqa: E731
+    make = lambda: ShipCollisionVectorEnv(8, "traffic_near", observation="vector")  # noqa: E731
     theirs, ours = ShipVecEnv(make()), make()
     theirs.seed(5)
     np.testing.assert_array_equal(np.asarray(theirs.reset()), ours.reset(seed=5)[0])

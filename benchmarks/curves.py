@@ -1,7 +1,7 @@
 """`python -m benchmarks curves`: how soon learners avoid random encounters, in minutes of one core.
 
-ship_trl and Stable-Baselines3's DQN and PPO learn from the same numbers on suite `traffic_near`, one after the
-other. Every half minute of training, their greedy policies meet the scenes of `traffic_test`. Minutes are
+ship_trl and Stable-Baselines3's DQN and PPO learn from the same numbers on suite `traffic_near`, one after
+the other. Every half minute of training, their greedy policies meet the scenes of `traffic_test`. Minutes are
 processor time, evaluations not counted. ship_trl trains as `target=traffic_near method=scratch
 observation=vector`, whose profile adds a cost of near passes to the reward; the others learn from the
 environment's reward.

@@ -117,12 +117,11 @@ def make_parts(run: Run, device: torch.device, source: Source | None) -> Parts:
             method.attach(make_origin(run, fixed, eval_env, mean_return(untrained)))
         method.copy(network, source.weights)
     teacher, values = find_teacher(config), None
-    mirror: Callable[[Tensor], Tensor] | None = mirrored_state
+    # The rules are not symmetric: a mirror image would have other encounters.
+    is_symmetric = not config.network.encounters
     if teacher is not None:
         values = read_teacher(teacher, eval_env)
-        if read_look(teacher.path, TEACHER).network.encounters or config.network.encounters:
-            # The rules are not symmetric: a mirror image would have other encounters.
-            mirror = None
+        is_symmetric = is_symmetric and not read_look(teacher.path, TEACHER).network.encounters
     elif reads_of(config.algorithm).has_expert:
         values = make_expert(config)
     setup = Setup(
@@ -135,7 +134,7 @@ def make_parts(run: Run, device: torch.device, source: Source | None) -> Parts:
         method=method,
         options=config.algorithm,
         teacher=values,
-        mirror=mirror,
+        mirror=mirrored_state if is_symmetric else None,
         accelerator=accelerator(config.fast),
     )
     algorithm = build_algorithm(setup)

@@ -72,7 +72,7 @@ def wrong_side(kind: Tensor, bearing: Tensor, aspect: Tensor) -> Tensor:
 
 
 def rule_payment(before: Tensor, after: Tensor, safe: float) -> Tensor:
-    """Return what steps of N ships earn by the rules, [N]: at most 1 in an episode, the mean over the target ships.
+    """Return what steps of N ships earn by the rules, [N]: at most 1 in an episode, the mean over ships.
 
     Where own ship keeps clear, its action counts as far as it is timely; at CPA it costs what safety and side
     of passing lack. Where it stands on, its action costs, until the ship is in stage 4.

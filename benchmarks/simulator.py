@@ -73,9 +73,9 @@ def torchrl_step(env: ShipEnv) -> Step:
 
 
 def draw_cases(count: int) -> list[Case]:
-    """Return cases drawn from suite `traffic`."""
+    """Return cases drawn from suite `traffic_near`."""
     world = load_world()
-    suite = load_suite("traffic", world)
+    suite = load_suite("traffic_near", world)
     states = make_starts(suite, world).sample(count, Generator().manual_seed(0))
     return [first_case(suite, state) for state in states]
 

@@ -48,9 +48,11 @@ CLAIM = f'    Claim("E7", EXPLORATORY, "FE3 collides less.", [{CONTRAST}]),\n'
 HEADINGS = '"headings": Measure(lambda base, target, _: abs(base.heading - target.heading), nearer=True),'
 VECTOR_TIME = "    vector_time: bounds.Seconds = 0.0\n"
 COUNTED = "return bounds.OWN_NUMBERS + self.clock"
-INIT = "    def __init__(self, world: World, ships: int) -> None:\n"
+INIT = "    def __init__(self, world: World, ships: int, encounters: bool = False) -> None:\n"
 CLOCK_INIT = """\
-    def __init__(self, world: World, ships: int, clock: bool = False) -> None:
+    def __init__(
+        self, world: World, ships: int, encounters: bool = False, clock: bool = False
+    ) -> None:
         self.max_steps, self.clock = world.max_steps, clock
 """
 SHOWN = "        return torch.cat((torch.stack(own, -1), "
@@ -90,12 +92,11 @@ RECIPES = {
     "vector": [
         ("ship_trl/config/types.py", VECTOR_TIME, f"{VECTOR_TIME}    clock: bool = False\n"),
         ("ship_trl/config/types.py", "return bounds.OWN_NUMBERS\n", f"{COUNTED}\n"),
-        ("ship_trl/sim/vector.py", "    SPEED,\n", "    SPEED,\n    STEP,\n"),
         ("ship_trl/sim/vector.py", INIT, CLOCK_INIT),
         (
             "ship_trl/sim/vector.py",
-            "return cls(world, network.ships)",
-            "return cls(world, network.ships, network.clock)",
+            "return cls(world, network.ships, network.encounters)",
+            "return cls(world, network.ships, network.encounters, network.clock)",
         ),
         ("ship_trl/sim/vector.py", SHOWN, CLOCK + SHOWN),
     ],

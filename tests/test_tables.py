@@ -1,9 +1,11 @@
 """The tables of the documents say what the code does."""
 
+import re
+
 from ship_trl.config.network import load_network
 from ship_trl.sim import scene
 from ship_trl.sim.render import Rasteriser
-from ship_trl.sim.vector import DCPA, TCPA, VectorObservation
+from ship_trl.sim.vector import DCPA, SINCE, TCPA, TURNED, VectorObservation
 from tests.tables import PAGES, TABLES, WORLD, fill, pixels, vector
 
 
@@ -15,11 +17,21 @@ def test_the_tables_are_those_that_the_command_writes() -> None:
 
 def test_each_number_of_a_vector_has_a_meaning_in_the_unit_of_the_code() -> None:
     rows = vector()[1:]
-    indices = [index for cell, *_ in rows for index in str(cell).split(", ")]
-    assert sorted(map(int, indices)) == list(range(load_network("vector").inputs))
+    network, first = load_network("vector"), network_indices(rows)
+    own, size = network.own_numbers, network.ship_numbers
+    assert [index for index, *_ in first] == list(range(own + size))
+    last = size * (network.ships - 1)
+    assert all(more == ([k + size, k + last] if k >= own else []) for k, *more in first)
     observation = VectorObservation(WORLD, 3)
     units = f"{scene.VIEW_RADIUS:g} m", f"{observation.max_speed:g} m/s", f"{observation.max_turn:g} rad/s"
-    assert {unit for _, _, unit, _ in rows} == {"", *units, f"{TCPA:g} s", f"{DCPA:g} m"}
+    # 20 s is the unit of TCPA, and of the time since an onset.
+    assert {unit for _, _, unit, _ in rows} == {"", *units, f"{TCPA:g} s", f"{DCPA:g} m", f"{TURNED:g} rad"}
+    assert TCPA == SINCE
+
+
+def network_indices(rows: list[tuple[object, ...]]) -> list[list[int]]:
+    """Return the numbers in the first cell of each row."""
+    return [[int(index) for index in re.findall(r"[0-9]+", str(cell))] for cell, *_ in rows]
 
 
 def test_the_greys_are_those_of_the_picture() -> None:

@@ -2,7 +2,7 @@
 
 POLICY is the same as for `evaluate`; of a result folder, the best network is taken. The exam has one target
 ship: its course, its speed, and when and how near it would pass are spread evenly over the bounds of the
-suite (default: target=traffic), speeds over those of all classes of encounter. --adversary N searches for
+suite (default: target=traffic_near), speeds over those of all classes of encounter. --adversary N searches for
 failures with N target ships, within the suite's bounds, and compares with scenes that the suite draws. Scenes
 that no held manoeuvre solves are left out. --write keeps failures as a suite: target=NAME takes
 conf/suite/NAME.yaml.
@@ -51,7 +51,9 @@ def main(arguments: list[str] | None = None) -> None:
     add_number(parser, "--worst", Kept, 100, "scenes of that suite at most; default: 100")
     options = parser.parse_intermixed_args(arguments)
     with refusals():
-        words = options.words + ["target=traffic"] * (not any(w.startswith("target=") for w in options.words))
+        words = options.words + ["target=traffic_near"] * (
+            not any(w.startswith("target=") for w in options.words)
+        )
         entries = drop_last_networks(find_entries(words, options.colour))
         check(entries, options)
 

@@ -34,7 +34,10 @@ def state_size(places: int) -> int:
 
 
 def mirrored_state(state: Tensor) -> Tensor:
-    """Return states [..., S] with port and starboard exchanged: the scenes reflected about the x axis."""
+    """Return states [..., S] with port and starboard exchanged: the scenes reflected about the x axis.
+
+    Encounters stay what they were, though the rules know port from starboard.
+    """
     signs = torch.ones(state.shape[-1], device=state.device)
     signs[[Y, HEADING, YAW_RATE, GOAL_Y]] = -1.0
     for number in (SHIP_Y, SHIP_HEADING, SHIP_TURN, SHIP_ONSET_HEADING):

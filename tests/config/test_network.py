@@ -62,8 +62,9 @@ def test_the_papers_network_is_that_of_section_3_5() -> None:
     # A file names only the keys of its kind.
     assert non_default_network(load_network("vector")) == {
         "linear": [128, 128, 256, 256],
-        "ships": 3,
+        "ships": 8,
         "per_ship": 2,
+        "encounters": True,
     }
 
 

@@ -79,9 +79,9 @@ WRONG_VALUES = {
     "+network.ships=3": "network.ships: must be left out without network.linear, got 3",
 }
 WRONG_VALUES |= {
-    "learn.replay_size=1000000000": "learn.replay_size: must be at most 21157474 transitions (8 GB, 406 byte",
-    "observation=vector learn.replay_size=100000000": "learn.replay_size: must be at most 12521770 transi",
-    "method=feature_extraction learn.replay_size=2000000": "learn.replay_size: must be at most 663315 trans",
+    "learn.replay_size=1000000000": "learn.replay_size: must be at most 11831865 transitions (8 GB, 726 byte",
+    "observation=vector learn.replay_size=100000000": "learn.replay_size: must be at most 11831865 transi",
+    "method=feature_extraction learn.replay_size=2000000": "learn.replay_size: must be at most 647319 trans",
     "learn.num_envs=1000000": "learn.num_envs: must be at most 25226 observations (8 GB, 340512 byt",
     "learn.batch_size=30000 learn.replay_size=30000": "learn.batch_size: must be at most 25226 observations",
     "network.conv=[[4096,1,1],[4096,84,1]] layers=2": "network.conv: must be at most 429496729 weights ",

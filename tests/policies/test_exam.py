@@ -19,11 +19,11 @@ from ship_trl.sim.state import SHIP_SPEED, relative_positions, target_ships
 
 
 def entry(policy: str, world: World) -> Entry:
-    return Entry(policy, policy, load_suite("traffic", world), world, False)
+    return Entry(policy, policy, load_suite("traffic_near", world), world, False)
 
 
 def some_states(world: World, count: int, ships: int = 1) -> Tensor:
-    suite = exam.with_ships(load_suite("traffic", world), ships)
+    suite = exam.with_ships(load_suite("traffic_near", world), ships)
     return make_starts(suite, world).sample(count, torch.Generator().manual_seed(0))
 
 
@@ -45,7 +45,7 @@ def test_four_numbers_place_a_ship(world: World) -> None:
 
 
 def test_the_scenes_keep_the_bounds_and_say_what_can_be_solved(world: World) -> None:
-    states, scenes = exam.draw_exam(load_suite("traffic", world), world, 3000)
+    states, scenes = exam.draw_exam(load_suite("traffic_near", world), world, 3000)
     assert len(states) == len(scenes) == 3000
     assert scenes["range"].between(50, 650).all() and set(scenes["bearing"]) <= set(range(0, 360, 15))
     assert set(scenes["speed"]) == {"0.5 to 0.8", "0.8 to 1.2", "1.2 to 1.5"}
@@ -62,7 +62,7 @@ def test_the_scenes_keep_the_bounds_and_say_what_can_be_solved(world: World) -> 
     ends = exam.run_scenes(entry("keep_course+shield", world), some)
     assert ends.goal[:100].all() and not ends.goal[100:].any()
     # The first scenes of a larger exam are those of a smaller one.
-    assert torch.equal(exam.draw_exam(load_suite("traffic", world), world, 100)[0], states[:100])
+    assert torch.equal(exam.draw_exam(load_suite("traffic_near", world), world, 100)[0], states[:100])
 
 
 @pytest.mark.parametrize("policy", ["vo", "keep_course", "keep_course+shield"])

@@ -17,11 +17,13 @@ from ship_trl.fast.worlds import make_env, make_rasteriser
 from ship_trl.sim.env import ShipEnv
 from ship_trl.sim.reward import POSITION_TOLERANCE
 from ship_trl.sim.state import (
+    SHIP_TURN,
     goal,
     goal_distance,
     initial_state,
     mirrored_state,
     relative_positions,
+    target_ships,
 )
 from ship_trl.sim.transition import Transition
 from tests.sim.anywhere import Scenario, mirrored, scenarios
@@ -159,10 +161,18 @@ def test_the_mirrored_world_is_bit_identical(scenario: Scenario) -> None:
     original, mirror_image = rollout(scenario), rollout(mirrored(scenario))
     assert [step.outcome for step in original] == [step.outcome for step in mirror_image]
     for one, other in zip(original, mirror_image, strict=True):
-        assert torch.equal(mirrored_state(one.state), other.state) and one.dcpa == other.dcpa
+        assert torch.equal(*(placed(each) for each in (mirrored_state(one.state), other.state)))
+        assert one.dcpa == other.dcpa
         assert other.reward == pytest.approx(one.reward, abs=1e-2, rel=1e-5)
         # Port and starboard change sides; the picture is rotated by a quarter turn, which is rounded.
         assert int((one.pixels.flip(-1).int() - other.pixels.int()).abs().max()) <= MAX_PIXEL_ERROR
+
+
+def placed(state: Tensor) -> Tensor:
+    """Return a state without its encounters: the rules know port from starboard."""
+    state = state.clone()
+    target_ships(state)[..., SHIP_TURN:] = 0
+    return state
 
 
 @given(scenarios(), st.floats(-180, 180), st.tuples(st.floats(-300, 300), st.floats(-300, 300)))

@@ -130,7 +130,7 @@ def test_a_perturbed_batch_and_its_resets_equal_single_environments(world: World
     count, actions, ended = 12, draw(3), 0
     env = make_env(suite, world, count, from_pixels=True, generator=draw(1))
     single, starts, chance = make_env(suite, world, 1, from_pixels=True), Starts(suite, world), draw(1)
-    current, states = env.reset(), starts.sample(count, chance)
+    current, states = env.reset(), env.begun(starts.sample(count, chance))
     alone = [single.reset().set("state", row[None]) for row in states]
     for row in alone:
         row.set("pixels", single.rasteriser(row["state"]))
@@ -142,7 +142,7 @@ def test_a_perturbed_batch_and_its_resets_equal_single_environments(world: World
         action[0] = 3  # a timeout or a collision, so that rows end at different steps
         stepped, current = env.step_and_maybe_reset(current.set("action", action))
         ends = stepped["next", "done"].squeeze(-1)
-        begun, ended = iter(starts.sample(int(ends.sum()), chance)), ended + int(ends.sum())
+        begun, ended = iter(env.begun(starts.sample(int(ends.sum()), chance))), ended + int(ends.sum())
         for n, row in enumerate(alone):
             after = single.step(row.set("action", action[n : n + 1]))["next"]
             for key in after.keys():  # noqa: SIM118
@@ -164,12 +164,12 @@ def test_a_suite_of_the_working_directory_comes_before_a_bundled_one(
 ) -> None:
     bundled = load_suite("traffic", world).traffic
     (tmp_path / "conf/suite").mkdir(parents=True)
-    text = (conf_dir() / "suite/traffic.yaml").read_text().replace("reacting: 0 ", "reacting: 1 ")
+    text = (conf_dir() / "suite/traffic.yaml").read_text().replace("reacting: 0.3 ", "reacting: 1 ")
     (tmp_path / "conf/suite/traffic.yaml").write_text(text)
     (tmp_path / "conf/suite/two.yaml").write_text("cases: ['1', '2']")
     monkeypatch.chdir(tmp_path)
     own = load_suite("traffic", world).traffic
-    assert bundled is not None and own is not None and (bundled.reacting, own.reacting) == (0, 1)
+    assert bundled is not None and own is not None and (bundled.reacting, own.reacting) == (0.3, 1)
     assert [case.name for case in load_suite("two", world).cases] == ["1", "2"]
     (tmp_path / "conf/suite/two.yaml").write_text("cases: ['1', '22']")
     with pytest.raises(ConfigError, match=r"^conf/suite/two.yaml: cases: no case 22"):
@@ -196,8 +196,8 @@ def test_a_suite_takes_what_it_leaves_out_from_the_one_it_is_based_on(
     (tmp_path / "conf/suite").mkdir(parents=True)
     monkeypatch.chdir(tmp_path)
     own = tmp_path / "conf/suite/own.yaml"
-    own.write_text("based_on: traffic\ntraffic:\n  reacting: 0.5\n  ships: [0, 1]\n")
-    below, above = load_suite("traffic", world).traffic, load_suite("own", world).traffic
+    own.write_text("based_on: traffic_near\ntraffic:\n  reacting: 0.5\n  ships: [0, 1]\n")
+    below, above = load_suite("traffic_near", world).traffic, load_suite("own", world).traffic
     assert below is not None and above == replace(below, reacting=0.5, ships=[0, 1])
     assert profile_of("own") == "traffic"
     for wrong in ("nothing", "own", "traffic_dense", "[1, 2]", "../suite/traffic", "traffic\ntraffic: [1]"):
@@ -207,6 +207,6 @@ def test_a_suite_takes_what_it_leaves_out_from_the_one_it_is_based_on(
     own.write_text("based_on: traffic_test\n")
     assert len(load_suite("own", world).cases) == 500
     # A bundled suite keeps its base, and a file may be based on the bundled one of its name.
-    (tmp_path / "conf/suite/traffic.yaml").write_text("based_on: traffic\ntraffic:\n  ships: [1]\n")
-    ours, theirs = load_suite("traffic", world).traffic, load_suite("traffic_reacting", world).traffic
+    (tmp_path / "conf/suite/traffic_near.yaml").write_text("based_on: traffic_near\ntraffic:\n  ships: [1]\n")
+    ours, theirs = load_suite("traffic_near", world).traffic, load_suite("traffic_reacting", world).traffic
     assert ours == replace(below, ships=[1]) and theirs == replace(below, reacting=1)

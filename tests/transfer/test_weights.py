@@ -91,7 +91,10 @@ def test_a_file_describes_its_network(saved: Path, tmp_path: Path) -> None:
     assert all(
         torch.equal(value, loaded[key]) for key, value in network(1, config=VECTOR).state_dict().items()
     )
-    assert "has other layers: linear=[128, 128, 256, 256] ships=3 per_ship=2; allowed: conv=" in refused(path)
+    assert (
+        "has other layers: linear=[128, 128, 256, 256] ships=8 per_ship=2 encounters=True; allowed: conv="
+        in refused(path)
+    )
     # Older files do not describe their network: it is the paper's.
     save_file(tensors_of(network(0)), path)
     assert read_look(path, "policy")[0] == load_network()

@@ -34,9 +34,9 @@ TEACHER = "algorithm.teacher=traffic"
 SUITES = {
     "traffic": ("traffic_near", range(5), [NUMBERS, "network.ships=3", "network.encounters=false"]),
     "traffic_pixels": ("traffic_near", range(3), ["algorithm=pupil", TEACHER]),
-    "traffic_broad": ("traffic", range(3), [NUMBERS]),
+    "traffic_broad": ("traffic", range(1), [NUMBERS]),
     "traffic_rules": (
-        *("traffic", range(3)),
+        *("traffic", range(2)),
         [NUMBERS, "algorithm=aggrevate", "margin.rules=200", "network.linear=[256,256,512,256]"],
     ),
 }

@@ -3,10 +3,9 @@
 POLICY is the same as for `evaluate`; of a result folder, the best network is taken. The exam has one target
 ship: its course, its speed, and when and how near it would pass are spread evenly over the bounds of the
 suite (default: target=traffic_near), speeds over those of all classes of encounter. --adversary N searches
-for failures with N target ships, within the suite's bounds, and compares with scenes that the suite draws. Scenes
-that no held manoeuvre solves are left out. --write keeps failures as a suite: target=NAME takes
-conf/suite/NAME.yaml.
-"""
+for failures with N target ships, within the suite's bounds, and compares with scenes that the suite draws.
+Scenes that no held manoeuvre solves are left out. --write keeps failures as a suite: target=NAME takes
+conf/suite/NAME.yaml. """
 
 from __future__ import annotations
 

@@ -5,7 +5,8 @@ ship: its course, its speed, and when and how near it would pass are spread even
 suite (default: target=traffic_near), speeds over those of all classes of encounter. --adversary N searches
 for failures with N target ships, within the suite's bounds, and compares with scenes that the suite draws.
 Scenes that no held manoeuvre solves are left out. --write keeps failures as a suite: target=NAME takes
-conf/suite/NAME.yaml. """
+conf/suite/NAME.yaml.
+"""
 
 from __future__ import annotations
 

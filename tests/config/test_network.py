@@ -1,5 +1,7 @@
 """Which layers a network may have, and the sizes of their maps."""
 
+from dataclasses import replace
+
 import pytest
 import torch
 from hypothesis import assume, given
@@ -12,8 +14,12 @@ from ship_trl.config.network import (
     load_network,
     non_default_network,
     supports_incremental,
+    vector_part,
 )
 from ship_trl.config.types import Network
+from ship_trl.fast.worlds import draw_starts
+from ship_trl.sim.cases import load_suite, load_world
+from ship_trl.sim.vector import VectorObservation
 
 
 def sizes(conv: list[list[int]]) -> list[int]:
@@ -79,3 +85,12 @@ def test_the_papers_network_is_that_of_section_3_5() -> None:
 )
 def test_which_layers_support_the_incremental_backend(conv: list[list[int]], cut: bool) -> None:
     assert supports_incremental(geometry(Network(conv, 1))) == cut
+
+
+def test_a_network_that_sees_less_takes_its_part_of_the_numbers() -> None:
+    world, whole = load_world(), load_network("vector")
+    states = draw_starts(load_suite("traffic", world), world, 30, 0)
+    every = VectorObservation.of(whole, world)(states)
+    for part in (replace(whole, ships=3, encounters=False), replace(whole, ships=5), whole):
+        seen = VectorObservation.of(part, world)(states)
+        assert torch.equal(every[:, vector_part(part, whole)], seen)

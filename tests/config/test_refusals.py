@@ -59,6 +59,8 @@ WRONG_VALUES = {
     "+algorithm.steps=3": "algorithm.steps: unknown key; allowed here: none",
     "algorithm=n_step +algorithm.epochs=3": "algorithm.epochs: unknown key; allowed here: steps",
     "algorithm=ppo demonstrations=played": "demonstrations: must be left out with an algorithm",
+    "algorithm=aggrevate demonstrations=played": "demonstrations: must be left out with an algorithm",
+    "margin.rules=-1": "margin.rules: ",
     "algorithm=ppo learn.num_envs=1": "algorithm.minibatch_size: must be at most 32 (rollout_steps of",
     "algorithm=pupil": "algorithm.teacher: must be a safetensors file, a result folder, or pretrained:NAME",
     "world.actions=[[0.0,0.1],[-1.0,0.0]]": "world.actions: must be at most 100 of [v in m/s,",

@@ -38,19 +38,19 @@ def train(folder: Path) -> None:
             sys.exit(code)
 
 
-def measure(network: Path) -> dict[str, float]:
-    """Return success on each suite, and on the first of them what is said of the rules."""
+def measure(folder: Path) -> dict[str, float]:
+    """Return a run's success on each suite, and on the first of them what is said of the rules."""
+    import ship_trl
     from ship_trl.fast.worlds import draw_starts, make_env
     from ship_trl.learn.rollout import rollout
     from ship_trl.policies.metrics import measure_episodes
-    from ship_trl.policies.named import load_policy
     from ship_trl.sim.cases import load_suite, load_world
 
     world, row = load_world(), dict[str, float]()
     for name in SUITES:
         suite = load_suite(name, world)
         env = make_env(suite, world, starts=draw_starts(suite, world, len(suite.cases) or 500, 0))
-        episodes = rollout(env, load_policy(str(network), env))
+        episodes = rollout(env, ship_trl.load_policy(str(folder)))
         row[name] = sum(one.goal for one in episodes) / len(episodes)
         if name == SUITES[0]:
             found = measure_episodes(episodes, world)

@@ -72,6 +72,7 @@ def draw(path: Path, rows: list[dict[str, float]]) -> None:
     axes.set_xlabel("obeys, % of engaged head-on and give-way ships", fontsize=12)
     axes.set_ylabel(f"success in {SUITES[0]}, %", fontsize=12)
     axes.set_title("Labels: margin.rules", fontsize=12)
+    axes.margins(0.1)
     axes.grid(alpha=0.3)
     with atomic_write(path) as draft:
         figure.savefig(draft, format="png", dpi=100)

@@ -47,7 +47,7 @@ def load_network(name: str = "paper") -> Network:
 
 
 def vector_part(part: Network, whole: Network) -> list[int]:
-    """Return the places of the numbers that a network sees among those of one that sees as much or more.
+    """Return where the numbers that a network sees stand among the numbers of a network that sees more.
 
     So networks that see fewer ships, or no encounters, act on the numbers of Gymnasium's environment.
     """

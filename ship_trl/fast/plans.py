@@ -2,8 +2,7 @@
 
 They are rollouts in the simulator itself: target ships hold course or give way as they really would
 (recorded ships are taken to hold course). Tests compare them with the environment. A ship is a row of `SHIP`
-numbers, which keeps what `fast.step` and `fast.track` would compute again in every step: 100,000
-rollouts take a second.
+numbers, which keeps what `fast.step` and `fast.track` would compute again in every step.
 """
 
 from __future__ import annotations

@@ -28,6 +28,8 @@ FILES = {*module_names("transfer/methods")} - {"base"}
 METHODS = ["scratch", *FIRST, *sorted(FILES.difference(FIRST))]
 MethodName = Annotated[str, rule(f"one of {', '.join(METHODS)}", METHODS.__contains__)]
 NAME = re.compile(r"([A-Z]+?)([1-9]\d*|[WHB])?(?:-(pretrained|random|permuted))?", re.ASCII)
+# Ends the arm's name of a run that begins with demonstrations.
+DEMONSTRATED = "-demonstrations"
 
 
 class SourceWeights(StrEnum):
@@ -114,6 +116,15 @@ class Arm:
             return Arm(method, count, SourceWeights(weights or SourceWeights.learned))
         except (ValueError, StopIteration):
             raise ValueError(f"{name!r:.50} names no arm") from None
+
+    @classmethod
+    def of_run(cls, name: str) -> Arm:
+        """Read the arm of a run, whether it begins with demonstrations or not.
+
+        Raises:
+            ValueError: there is no arm of this name.
+        """
+        return cls.parse(name.removesuffix(DEMONSTRATED))
 
     @property
     def name(self) -> str:

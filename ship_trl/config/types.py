@@ -15,7 +15,7 @@ from omegaconf import OmegaConf
 from pydantic import Field
 
 from ship_trl.config import bounds
-from ship_trl.config.arm import Arm, MethodName, SourceWeights, forms
+from ship_trl.config.arm import DEMONSTRATED, Arm, MethodName, SourceWeights, forms
 from ship_trl.config.errors import ConfigError
 from ship_trl.config.paths import module_names, stem
 from ship_trl.config.schema import rule
@@ -350,7 +350,7 @@ class Config:
     @property
     def arm_label(self) -> str:
         """Name of the arm in folders and results, with a suffix if the run begins with demonstrations."""
-        return self.arm.name if self.demonstrations is None else f"{self.arm.name}-demonstrations"
+        return self.arm.name if self.demonstrations is None else self.arm.name + DEMONSTRATED
 
     def with_arm(self, arm: Arm) -> Config:
         """Return the configuration with another arm; from scratch it has no source."""

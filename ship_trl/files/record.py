@@ -333,7 +333,7 @@ def check_run(run: RunRecord) -> RunRecord:
     if run.best_known <= run.random_return:
         raise RunError(f"{RESULT}: the best known return is not above the random one")
     try:
-        Arm.parse(run.arm)
+        Arm.of_run(run.arm)
     except ValueError as error:
         raise RunError(f"{RESULT}: {error}") from None
     (training, greedy), count = split(run.curve), run.episodes

@@ -87,7 +87,7 @@ def total_time(record: RunRecord) -> float:
     The network that figure 9 reuses was trained twice: on case 1, then on case 2.
     """
     source = record.source
-    trained = source is not None and Arm.parse(record.arm).has_trained_source
+    trained = source is not None and Arm.of_run(record.arm).has_trained_source
     trained_twice = record.part in (LOW, ONE) and source == REUSED_CASE
     return time_to_threshold(record) + trained + trained_twice
 

@@ -145,6 +145,7 @@ def test_the_usual_metrics_of_transfer_are_one_table(
         scores = np.full(50, 0.4 + 0.1 * seed)
         write_run(tmp_path, scores, arm="scratch", seed=seed)
         write_run(tmp_path, (1 + scores) / 2, arm="FT3", seed=seed, before=0.3, on_source=source)
+        write_run(tmp_path, (1 + scores) / 2, arm="scratch-demonstrations", seed=seed)
     main([str(tmp_path), "--markdown", "--transfer"])
     lines = [line.strip("| ").split(" | ") for line in capsys.readouterr().out.split("\n\n")[1].splitlines()]
     table = {line[0]: dict(zip(lines[0][1:], line[1:], strict=True)) for line in lines}
@@ -154,6 +155,8 @@ def test_the_usual_metrics_of_transfer_are_one_table(
         # Each seed gains half of what scratch leaves.
         "forward transfer": "0.50 (0.50 to 0.50)",
     }  # fmt: skip
+    shown = table["high scratch-demonstrations"]
+    assert (shown["total time"], shown["forward transfer"]) == ("0.04", "0.50 (0.50 to 0.50)")
     assert (table["high scratch"]["forgetting"], table["high scratch"]["forward transfer"]) == ("-", "-")
 
 

@@ -76,7 +76,7 @@ def arm_rows(study: Study) -> list[Row]:
         scratch = scratch_place(part, pair) if part in PARTS else (part, pair, SCRATCH.name)
         both = study.matched({"arm": place, "scratch": scratch})
         own, base = (np.array([measure(run, "area") for run in both[name]]) for name in ("arm", "scratch"))
-        is_transfer = not Arm.parse(arm).is_scratch
+        is_transfer = arm != SCRATCH.name
         has_ratio = is_transfer and has_scores and len(own) >= MIN_SEEDS
         ratio = bootstrap([own, base], area_ratio, SEED) if has_ratio else None
         row |= estimate_cells("transfer ratio", ratio)
@@ -121,8 +121,8 @@ def transfer_rows(study: Study) -> list[Row]:
         if len(runs) < MIN_SEEDS:
             continue
         run = runs[0]
-        arm = Arm.parse(run.arm)
-        if arm.is_scratch or arm.weights is not SourceWeights.learned:
+        arm = Arm.of_run(run.arm)
+        if arm.is_scratch or arm.name != run.arm or arm.weights is not SourceWeights.learned:
             continue
         trained_twice = part in (LOW, ONE) and run.source == REUSED_CASE
         if not trained_twice and {run.source, run.target} <= set(cases):

@@ -18,7 +18,7 @@ import torch
 from torch import Tensor
 
 from ship_trl.config.types import World
-from ship_trl.sim.cases import Case, suite_of
+from ship_trl.sim.cases import Case, Suite, suite_of
 from ship_trl.sim.encounter import ship_velocities
 from ship_trl.sim.geometry import unit_vector
 from ship_trl.sim.replay import with_replay
@@ -91,8 +91,13 @@ def best_plan(case: Case, world: World, beam: int = 6000) -> Plan:
 
     `beam` is the maximum number of plans kept from one step to the next.
     """
-    transition, start = Transition(world), initial_state(case, world)
-    step, value_bound = with_replay(transition, suite_of(case), world), ValueBound(transition, start)
+    return best_plan_from(initial_state(case, world), suite_of(case), world, beam)
+
+
+def best_plan_from(start: Tensor, suite: Suite, world: World, beam: int = 6000) -> Plan:
+    """Search as `best_plan` does, from the first state [S] of an episode of a suite."""
+    transition = Transition(world)
+    step, value_bound = with_replay(transition, suite, world), ValueBound(transition, start)
     best = Plan(-math.inf, [], False)
     for resolution in RESOLUTIONS:
         best = search(start, transition, step, value_bound, beam, resolution, best)
@@ -111,7 +116,7 @@ def search(
     """Run one beam search on the CPU, near the best plan so far; return that plan if nothing is better.
 
     Args:
-        start: the case's initial state, [S].
+        start: the initial state, [S].
         transition: the world's simulation step, on the CPU.
         step: the same, in which recorded ships follow their paths.
         value_bound: upper bound of the return to come, which prunes plans.
@@ -207,7 +212,7 @@ class ValueBound:
 
     With lags own ship may have any speed and rate of turn of the actions, in any pair, in each step.
 
-    `start` [S] is the case's initial state. The grid has `rows` goal distances, `row_spacing` metres apart,
+    `start` [S] is the initial state. The grid has `rows` goal distances, `row_spacing` metres apart,
     and `GRID_ANGLES` angles, `column_spacing` radians apart. `table` [max_steps + 1, rows * GRID_ANGLES] has
     the returns by steps left.
     """

@@ -24,7 +24,7 @@ from ship_trl.fast.worlds import make_env, make_starts, make_step
 from ship_trl.files.disk import atomic_write, read_json
 from ship_trl.learn.network import DuelingNetwork
 from ship_trl.learn.rollout import Policy, greedy_policy, rollout
-from ship_trl.policies.planner import Plan, best_plan
+from ship_trl.policies.planner import Plan, best_plan, best_plan_from
 from ship_trl.sim.cases import Case, Scene, Suite, read_scenes, suite_of
 from ship_trl.sim.env import ShipEnv
 from ship_trl.sim.replay import with_replay
@@ -88,13 +88,9 @@ def keep_course(env: ShipEnv, _: int = 0) -> Policy:
 
 
 def follow_best_known(env: ShipEnv, _: int = 0) -> Policy:
-    """Return the policy that follows the planner's best plan of each case.
-
-    Raises:
-        ConfigError: the starts are drawn.
-    """
+    """Return the policy that follows the planner's best plan of each case, or of each drawn start."""
     if env.suite.is_drawn:
-        raise ConfigError("policy: best_known has no plan of a drawn start; allowed: cases, not perturbed")
+        return search_each_start(env)
     plans = [best_known(case, env.world).actions or [0] for case in env.suite.cases]
     length = max(map(len, plans))
     # A plan repeats its last action.
@@ -114,6 +110,26 @@ def follow_best_known(env: ShipEnv, _: int = 0) -> Policy:
             begins = (time == 0) & matches.any(-1)
             case = torch.where(begins, matches.to(torch.int8).argmax(-1), case)
         return step.set("action", table[case, time.clamp(max=length - 1)])
+
+    return policy
+
+
+def search_each_start(env: ShipEnv) -> Policy:
+    """Return the policy that searches for a plan when an episode begins, for seconds, and follows it."""
+    length = env.world.max_steps
+    plans = torch.empty(0, length, dtype=torch.int64)
+
+    def policy(step: TensorDictBase) -> TensorDictBase:
+        nonlocal plans
+        state = step["state"].reshape(-1, step["state"].shape[-1]).cpu()
+        if len(plans) != len(state):
+            plans = torch.full((len(state), length), env.world.straight_action)
+        time = state[:, STEP].long()
+        for row in (time == 0).nonzero().flatten().tolist():
+            actions = best_plan_from(state[row], env.suite, env.world).actions
+            plans[row, : len(actions)] = torch.tensor(actions, dtype=torch.int64)
+        action = plans.gather(1, time.clamp(max=length - 1)[:, None])
+        return step.set("action", action.reshape(step.batch_size).to(env.device))
 
     return policy
 

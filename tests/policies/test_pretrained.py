@@ -48,8 +48,6 @@ def test_a_policy_in_one_line() -> None:
     assert torch.equal(elsewhere.states[0, :3], torch.tensor([0.0, 0.0, torch.pi / 2]))
     best = rollout(make_env(case, WORLD), package.load_policy("best_known", case="4"))[0]
     assert best.episode_return == pytest.approx(best_known(case, WORLD).episode_return)
-    with pytest.raises(ConfigError, match="best_known has no plan of a drawn start"):
-        package.load_policy("best_known")
     with pytest.raises(ConfigError, match="policy: pretrained names several networks; allowed: one"):
         package.load_policy("pretrained")
     for case_name in (None, "4"):

@@ -1,6 +1,7 @@
 """The returns that scores refer to: best known plans, searched for once and checked, and random actions."""
 
 import json
+from functools import partial
 from pathlib import Path
 
 import pytest
@@ -9,7 +10,8 @@ from torch import Generator
 
 from ship_trl.config.paths import conf_dir
 from ship_trl.config.types import Perturbation, World
-from ship_trl.fast.worlds import make_env
+from ship_trl.fast.worlds import draw_starts, make_env
+from ship_trl.learn.rollout import rollout
 from ship_trl.policies import reference
 from ship_trl.policies.planner import Plan, best_plan
 from ship_trl.sim.cases import Case, load_case, load_suite, load_world, suite_of
@@ -113,3 +115,19 @@ def test_it_depends_on_its_seed_alone() -> None:
         == first
         != reference.random_return(case, WORLD, 4, episodes=500)
     )
+
+
+def test_drawn_starts_have_a_best_plan_too_and_ships_that_react_do_so_in_it(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    monkeypatch.setattr(reference, "best_plan_from", partial(reference.best_plan_from, beam=300))
+    suite = load_suite("traffic_reacting", WORLD)
+    env = make_env(suite, WORLD, 3, starts=draw_starts(suite, WORLD, 3, 4))
+    searched, straight = (
+        rollout(env, make(env)) for make in (reference.follow_best_known, reference.keep_course)
+    )
+    for best, other in zip(searched, straight, strict=True):
+        planned = reference.best_plan_from(best.states[0], suite, WORLD)
+        assert best.actions.tolist() == planned.actions and best.goal
+        assert best.episode_return == pytest.approx(planned.episode_return, abs=1e-2)
+        assert best.episode_return >= other.episode_return

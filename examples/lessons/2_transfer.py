@@ -79,6 +79,6 @@ results([FOLDER, "--picture", "outputs/lessons/curves.png"])
 # ## Go on
 #
 # - Frozen layers are `arm=FE3`, the whole network is `arm=FTW`; [more methods](../../docs/transfer.md).
-# - `ship-trl cases target=4` ranks sources for a target, and recommends an arm by what was measured.
+# - `ship-trl cases target=4` ranks sources for a target by the gain to expect, and recommends one.
 # - `ship-trl study run` trains a grid of arms and seeds, and writes a report with intervals
 #   ([a study](../../docs/study.md)); [findings](../../docs/findings.md) has what 15 seeds showed.

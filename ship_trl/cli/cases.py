@@ -3,7 +3,7 @@
 Of several cases (with commas between them, or a suite; default: target=paper,ship) the tables have ideal
 paths, target ships and similarity. Many cases are drawn on one page, with their classes of encounter; of
 more than 60, the first. Of random encounters the page has the scenes of the first seeds. For one case, all
-other cases are ranked as sources, and an arm is recommended.
+other cases are ranked as sources by the gain that is expected, and one source is recommended, or none.
 """
 
 from __future__ import annotations
@@ -12,6 +12,7 @@ import sys
 from dataclasses import replace
 from itertools import islice
 from pathlib import Path
+from typing import NamedTuple
 
 from ship_trl.cli.errors import refusals
 from ship_trl.cli.parser import add_output, add_target, make_parser
@@ -30,8 +31,9 @@ from ship_trl.sim.cases import (
     suite_of,
     to_course,
 )
-from ship_trl.study.transfers import BUNDLED_TABLE, TABLE, Transfer, read_transfers, transfers_to
+from ship_trl.study.transfers import TABLE, Transfer, read_transfers, transfers_to
 from ship_trl.transfer.casebase import PLANS, CaseBase, rank
+from ship_trl.transfer.law import ARM, ZERO_SHOT, Expected, describe, load_laws
 from ship_trl.transfer.similarity import MEASURES, describe_similarity, distance, similarity
 
 DEFAULT = "paper,ship"
@@ -39,23 +41,22 @@ DEFAULT = "paper,ship"
 MAX_SHOWN, MAX_ROWS = 12, 8
 # Cases that are listed and drawn, and pictures of random encounters.
 MAX_PICTURES, EXAMPLES = 60, 20
-# Of the zero-shot score in outputs/sources/numbers_judgements.csv: the arm that gains most, and its gain with
-# its 95 % interval.
-ZERO_SHOT_ARM, ZERO_SHOT_GAIN = "FTW", (0.3144, 0.2614, 0.3674)
+# Sources are ranked by the gain that is expected, unless by a measure of similarity.
+GAIN = "gain"
 
 
 def main(arguments: list[str] | None = None) -> None:
     """Print the tables and write the picture."""
     parser = make_parser("cases", __doc__)
     add_target(parser, DEFAULT)
-    by = "what to rank by: similarity is equation 8, distance 7, side the ideal path's, ships their number"
-    parser.add_argument("--by", choices=MEASURES, default="similarity", help=by)
+    by = (
+        "what to list sources by: expected gain (default), similarity (equation 8), distance (7), side, ships"
+    )
+    parser.add_argument("--by", choices=(GAIN, *MEASURES), default=GAIN, help=by)
     stored = "folder of trained networks; default: %(default)s"
     parser.add_argument("--case-base", type=Path, default=Path("outputs/case_base"), help=stored)
-    table = f"a report's {TABLE}, to recommend by; default: that of the confirmatory study"
-    # The table exists once a study is finished.
-    bundled = BUNDLED_TABLE if BUNDLED_TABLE.is_file() else None
-    parser.add_argument("--measured", type=Path, default=bundled, metavar="FILE", help=table)
+    table = f"a report's {TABLE}: recommend by what was measured on this target"
+    parser.add_argument("--measured", type=Path, metavar="FILE", help=table)
     picture = "where the picture goes; default: outputs/cases.png, of a target with its name"
     add_output(parser, "--picture", (".png",), picture)
     options = parser.parse_args(arguments)
@@ -84,9 +85,10 @@ def main(arguments: list[str] | None = None) -> None:
                 override("target", given),
                 *(word for word in options.words if not word.startswith("target=")),
             ]
-            show_ranking(target, words, sources, world, options.by, CaseBase(options.case_base))
-            show_expected(target, words, sources, world, options.case_base / PLANS)
-            show_measured(target, given, transfers_to(target, known, sources))
+            transfers = [replace(one, target=given) for one in transfers_to(target, known, sources)]
+            found = find_candidates(target, sources, world, options.case_base, options.by)
+            show_candidates(target, found, options.by)
+            recommend(target, words, found, transfers)
             name = f"case_{target.name}"
         path = options.picture or Path("outputs") / f"{name}.png"
         draw(path, cases, traffic, world)
@@ -143,90 +145,98 @@ def show_pairs(cases: dict[str, Case], world: World) -> None:
         show(("", *cases), matrix, title="Similarity of every source (row) to every target (column)")
 
 
-def show_ranking(
-    target: Case, given: list[str], sources: list[Case], world: World, by: str, stored: CaseBase
-) -> None:
-    """Print the sources for a target, best first, with stored networks and the paper's arm.
+class Candidate(NamedTuple):
+    """A source: the expected gain, measures, and of its network, if it has one, the score and words."""
 
-    `given` are the words in the commands that are printed that say the target: its name or path, and keys.
-    """
-    fingerprints = [entry.fingerprint for entry in stored.entries()]
-    ranking = rank(target, sources, world, by)[:MAX_SHOWN]
-    arms = [[override(key, value) for key, value in match.arm.keys.items()] for match in ranking]
-    rows = []
-    for match, arm in zip(ranking, arms, strict=True):
-        measured = (f"{value:.2f}" for value in match.measured.values())
-        stored_count = str(fingerprints.count(match.case.fingerprint))
-        rows.append((match.case.name, *measured, " ".join(arm), stored_count))
-    headings = ("source", *MEASURES, "arm, by the paper", "stored networks")
-    show(headings, rows, title=f"Sources for case {target.name}, by {by}")
-    if not ranking:
-        return
-    if max(match.measured["similarity"] for match in ranking) == 0:
-        sys.stdout.write(f"By the paper's rule: no case is similar to case {target.name}.\n")
-        return
-    first = ranking[0].case
-    words = override("source", first.name), *given, *arms[0]
-    sys.stdout.write(f"By the paper's rule:\n{command(*words)}\n")
-    if best := stored.representative(first):
-        known = f"{best.arm}, seed {best.seed}, greedy return {best.best_return:.1f}"
-        sys.stdout.write(f"with the best stored network of case {first.name} ({known}):\n")
-        sys.stdout.write(f"{command(*words, override('source_file', best.policy))}\n")
+    case: Case
+    expected: Expected
+    measured: dict[str, float]
+    zero_shot: float | None
+    network: str
+    words: tuple[str, ...]
 
 
-def show_measured(target: Case, given: str, found: list[Transfer]) -> None:
-    """Print the measured gains of transfers to a target, largest lower bound first, and recommend the first.
+def find_candidates(
+    target: Case, sources: list[Case], world: World, case_base: Path, by: str
+) -> list[Candidate]:
+    """Return the sources for a target, first those with the largest expected gain, or by a measure.
 
-    The lower bound decides, because the largest of many measured gains may be due to chance.
-    """
-    if not found:
-        sys.stdout.write(f"By measurement: no transfer to case {target.name} was measured.\n")
-        return
-    title = (
-        f"Measured on case {target.name}: mean score of all training episodes, compared with scratch with "
-        f"the same epsilon. The {len(found)} intervals hold together at 95 %; each alone would be narrower."
-    )
-    rows = []
-    for one in found[:MAX_SHOWN]:
-        start = "1" if one.epsilon_start is None else f"{one.epsilon_start:g}"
-        between = f"{one.low:+.3f} to {one.high:+.3f}"
-        rows.append((one.source, one.arm, start, f"{one.gain:+.3f}", between, str(one.seeds)))
-    show(("source", "arm", "epsilon from", "gain", "interval", "seeds"), rows, title=title)
-    best = found[0]
-    if best.low > 0:
-        lines = [f"By measurement, the one of {len(found)} transfers with the highest lower bound:"]
-        lines += replace(best, target=given).commands()
-    else:
-        lines = [f"By measurement, none of {len(found)} transfers is shown to gain; without a source:"]
-        lines.append(command(override("target", given), "method=scratch"))
-    sys.stdout.write("\n".join(lines) + "\n")
-
-
-def show_expected(target: Case, given: list[str], sources: list[Case], world: World, plans: Path) -> None:
-    """Print the bundled network with the largest zero-shot score, which predicts gains best.
-
-    The search of a plan is kept in the folder `plans`, where runs look for it.
+    The search for the target's best known plan is kept in the case base, where runs look for it.
     """
     from ship_trl.fast.worlds import make_env
     from ship_trl.policies.named import load_network
     from ship_trl.policies.reference import score_bounds, zero_shot
 
-    names, bounds = {case.name for case in sources}, score_bounds(target, world, plans)
-    env = make_env(suite_of(target), world)
-    scores = {
-        one.name: zero_shot(load_network(one.file, env), target, world, bounds)
-        for one in networks()
-        if one.name in names
-    }
-    if not scores:
-        return
-    first = max(scores, key=scores.__getitem__)
-    words = override("source", first), "source_weights=pretrained", *given
-    gain = "{:+.2f} ({:+.2f} to {:+.2f})".format(*ZERO_SHOT_GAIN)
-    sys.stdout.write(
-        "By zero_shot, a network's score on the target before training there, which predicted gains best in "
-        "the study of sources (studies/sources): "
-        f"{scores[first]:.2f}, the largest of {len(scores)} bundled networks. There such choices gained "
-        f"{gain} in mean greedy score with {ZERO_SHOT_ARM}:\n"
-        f"{command(*words, f'+arm={ZERO_SHOT_ARM}')}\n"
-    )
+    stored = CaseBase(case_base)
+    bundled = {one.fingerprint: one.file for one in networks()}
+    of_cases, with_score = load_laws()
+    env, found, bounds = make_env(suite_of(target), world), list[Candidate](), None
+    for match in rank(target, sources, world, "similarity" if by == GAIN else by):
+        case = match.case
+        files = {}
+        if case.fingerprint in bundled:
+            files["bundled", override("source_weights", "pretrained")] = bundled[case.fingerprint]
+        if best := stored.representative(case):
+            files["stored", override("source_file", best.policy)] = best.policy
+        scores = {}
+        for key, file in files.items():
+            bounds = bounds or score_bounds(target, world, case_base / PLANS)
+            scores[key] = zero_shot(load_network(file, env), target, world, bounds)
+        first = max(scores, key=scores.__getitem__, default=None)
+        values, score = describe(case, target, world), None if first is None else scores[first]
+        law = of_cases if score is None else with_score
+        expected = law.expect(case, target, values if score is None else values | {ZERO_SHOT: score})
+        kind, words = ("", ()) if first is None else (first[0], first[1:])
+        found.append(Candidate(case, expected, match.measured, score, kind, words))
+    return sorted(found, key=lambda one: -one.expected.gain) if by == GAIN else found
+
+
+def show_candidates(target: Case, found: list[Candidate], by: str) -> None:
+    """Print the first sources for a target with their expected gains."""
+    rows = []
+    for one in found[:MAX_SHOWN]:
+        gain, low, high = (f"{value:+.2f}" for value in one.expected[:3])
+        score = "" if one.zero_shot is None else f"{one.zero_shot:.2f}"
+        measured = (f"{value:.2f}" for value in one.measured.values())
+        rows.append((one.case.name, gain, f"{low} to {high}", *measured, score, one.network))
+    headings = ("source", "expected gain", "interval", *MEASURES, "score before training", "network")
+    show(headings, rows, title=f"Sources for case {target.name}, by {by}")
+
+
+def recommend(target: Case, given: list[str], found: list[Candidate], known: list[Transfer]) -> None:
+    """Print one recommendation and why: by what was measured, else by the law of transfer.
+
+    `given` are the words in the commands that are printed that say the target: its name or path, and keys.
+    Of measured gains the lower bound decides, because the largest of many may be due to chance.
+    """
+    lines, start = [command(*given, "method=scratch")], f"Recommended for case {target.name}"
+    scratch = f"{start}: learn from scratch, for"
+    if known:
+        best = known[0]
+        of = f"the {len(known)} measured transfers (their 95 % intervals hold together)"
+        interval = f"{best.low:+.3f} to {best.high:+.3f}, {best.seeds} seeds"
+        what = f"{best.arm} from case {best.source}: gain {best.gain:+.3f} ({interval})"
+        words = f"{scratch} none of {of} is shown to gain. The best: {what}"
+        if best.low > 0:
+            lines, words = best.commands(), f"{start}: {what}: the highest lower end of {of}"
+    elif not found:
+        words = f"{scratch} there is no other case"
+    else:
+        first = max(found, key=lambda one: one.expected.gain)
+        gain, low, high, constant, quality, difficulty, closeness = first.expected
+        what = f"expected gain {gain:+.2f} ({low:+.2f} to {high:+.2f} for 90 % of pairs)"
+        score = "its network must be trained first, for four runs' time"
+        if first.zero_shot is not None:
+            score = f"its network scores {first.zero_shot:.2f} there before training"
+        apart = ", ".join(f"{name} {first.measured[name]:.2f}" for name in ("similarity", "distance"))
+        words = f"{scratch} no source is expected to help. The best: case {first.case.name}, {what}"
+        if gain > 0:
+            lines = [command(override("source", first.case.name), *first.words, *given, f"+arm={ARM}")]
+            doubt = "; it may also harm" * (low < 0)
+            words = f"{start}: copy the whole network ({ARM}) of case {first.case.name}: {what}{doubt}"
+        words += (
+            f"\nWhy: a mean pair gains {constant:+.2f}, this target {difficulty:+.2f}, this source "
+            f"{quality:+.2f}, closeness {closeness:+.2f} ({apart}; {score})\n"
+            "Gains are in mean greedy score, over scratch, where numbers are observed: studies/law/README.md"
+        )
+    sys.stdout.write("".join(f"{line}\n" for line in (words, *lines)))

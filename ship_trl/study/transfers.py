@@ -1,6 +1,6 @@
 """Read the gains of transfer between cases that a study measured. No torch.
 
-A study's report writes them to `transfers.csv`. The table of the confirmatory study is bundled.
+A study's report writes them to `transfers.csv`.
 """
 
 from __future__ import annotations
@@ -22,7 +22,6 @@ from ship_trl.sim.cases import Case
 from ship_trl.transfer.casebase import POLICY
 
 TABLE = "transfers.csv"
-BUNDLED_TABLE = Path(__file__).parent / TABLE
 # A hundred transfers take 8,000 bytes.
 MAX_TABLE_BYTES = 1_000_000
 # They become part of a command that people paste into a shell.

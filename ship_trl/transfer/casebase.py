@@ -16,18 +16,16 @@ from typing import Any
 
 from filelock import FileLock
 
-from ship_trl.config.arm import Arm, forms
+from ship_trl.config.arm import forms
 from ship_trl.config.types import World
 from ship_trl.files.disk import read_json, sync, writing
 from ship_trl.sim.cases import Case, Suite
-from ship_trl.transfer.similarity import MEASURES, similarity
+from ship_trl.transfer.similarity import MEASURES
 
 POLICY, POLICY_LAST = "policy.safetensors", "policy_last.safetensors"
 ENTRY, CONFIG = "entry.json", "config.yaml"
 # Folders in the case base for locks and for plans of the planner.
 LOCKS, PLANS = ".locks", ".plans"
-# Halfway between the paper's high pair (0.83) and its low one (0.45), table 2.
-HIGH_SIMILARITY = 0.64
 
 
 @dataclass(frozen=True)
@@ -59,11 +57,10 @@ class StoredNetwork:
 
 @dataclass(frozen=True)
 class Match:
-    """A source case, its value by each of `MEASURES`, and the arm to use (see `recommend`)."""
+    """A source case, and its value by each of `MEASURES`."""
 
     case: Case
     measured: dict[str, float]
-    arm: Arm
 
 
 def read_entry(file: Path) -> StoredNetwork | None:
@@ -160,21 +157,8 @@ class CaseBase:
 def rank(target: Case, bases: list[Case], world: World, by: str = "similarity") -> list[Match]:
     """Rank source cases by one of `MEASURES`, most similar first; ties keep the order of `bases`."""
     matches = [
-        Match(
-            base,
-            {name: measure.value(base, target, world) for name, measure in MEASURES.items()},
-            recommend(base, target),
-        )
+        Match(base, {name: measure.value(base, target, world) for name, measure in MEASURES.items()})
         for base in bases
     ]
     sign = 1.0 if MEASURES[by].nearer else -1.0
     return sorted(matches, key=lambda match: sign * match.measured[by])
-
-
-def recommend(base: Case, target: Case) -> Arm:
-    """Recommend the arm that the paper's results favour at this similarity (conclusions 2 and 3)."""
-    if similarity(base, target) >= HIGH_SIMILARITY:
-        # Three frozen layers are better than four.
-        return Arm("feature_extraction", 3)
-    # The return falls with each further layer.
-    return Arm("finetune", 1)

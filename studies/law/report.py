@@ -61,7 +61,7 @@ def report() -> None:
         "arms": arm_table(data, gains, both),
         "regrets": regret_table(regrets),
         "costs": cost_table(data, rules),
-        "tests": test_table(data, both, regrets, at) + pixels,
+        "tests": [*test_table(data, both, regrets, at), calibration(data, both[ON_COMMAND][at]), pixels],
     }
     FOLDER.mkdir(parents=True, exist_ok=True)
     write_csv(FOLDER / "pairs.csv", pair_rows(data, gains[at], both[THE_LAW][at]))
@@ -233,7 +233,7 @@ def measure_times(data: Data, length: int) -> Floats:
     return total / number
 
 
-def from_pixels(model: Model, pixels: Data, numbers: Data, at: int) -> Rows:
+def from_pixels(model: Model, pixels: Data, numbers: Data, at: int) -> Sequence[str]:
     """Return how well the command's law, fitted on numbers without both cases, predicts gains from pixels."""
     names, every = list(pixels.cases), list(numbers.cases)
     found = np.full((len(names), len(names)), np.nan)
@@ -250,7 +250,18 @@ def from_pixels(model: Model, pixels: Data, numbers: Data, at: int) -> Rows:
     squared = float(np.corrcoef(found[known], measured[known])[0, 1] ** 2)
     rank = float(by_target(found, measured).mean())
     words = f"{squared:.2f}; rank correlation within targets {rank:+.2f}"
-    return [("not a test: R squared of gains from pixels, after a shift and a scale", words, "")]
+    return "not a test: R squared of gains from pixels, after a shift and a scale", words, ""
+
+
+def calibration(data: Data, predicted: Floats) -> Sequence[str]:
+    """Return by how much the measured gains of the command's picks of new targets miss what is expected."""
+    gains, at = data.gains[ARM], np.arange(data.count)
+    picks = np.nanargmax(predicted, 1)
+    missed = gains[:, at, picks] - predicted[at, picks]
+    low, high = np.nanpercentile(gains.mean(0) - predicted, ERRORS)
+    within = int(((missed.mean(0) >= low) & (missed.mean(0) <= high)).sum())
+    words = f"{mean_regret(missed).words('+', 3)}; {within} of {data.count} in the interval"
+    return "not a test: measured less expected gain of the source that the command picks", words, ""
 
 
 def write_laws(

@@ -7,11 +7,10 @@ from pathlib import Path
 import pytest
 from filelock import Timeout
 
-from ship_trl.config.arm import Arm
 from ship_trl.config.paths import conf_files
 from ship_trl.config.types import Perturbation, World
 from ship_trl.sim.cases import Suite, load_case, load_suite, suite_of
-from ship_trl.transfer.casebase import CaseBase, rank, recommend
+from ship_trl.transfer.casebase import CaseBase, rank
 
 
 @pytest.fixture
@@ -73,12 +72,6 @@ def test_ranking_by_similarity_and_by_distance(world: World) -> None:
     ranking = rank(target, list(cases.values()), world, by="distance")
     found = [match.measured["distance"] for match in ranking]
     assert found == sorted(found)
-
-
-def test_recommended_arm_follows_the_paper(world: World) -> None:
-    cases = {name: load_case(name, world) for name in sorted(conf_files("case"))}
-    assert recommend(cases["1"], cases["2"]) == Arm.parse("FE3")
-    assert recommend(cases["5"], cases["6"]) == Arm.parse("FT1")
 
 
 def test_a_lock_is_of_one_entry_and_leaves_the_others_free(tmp_path: Path, world: World) -> None:

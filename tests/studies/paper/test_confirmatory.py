@@ -14,7 +14,6 @@ import pytest
 from ship_trl.study.manifest import load_plan
 from ship_trl.study.report import write
 from ship_trl.study.tables import LAYERS, read_layers, read_tables
-from ship_trl.study.transfers import BUNDLED_TABLE, TABLE
 from studies.paper.claims import claims
 from tests.command import ROOT, ship_trl
 
@@ -98,7 +97,3 @@ def test_the_pictures_that_are_kept_follow_from_the_tables(tmp_path: Path) -> No
     ship_trl(*words, folder=tmp_path, verb="study report", new_process=True)
     kept = {path.name for path in REPORT.glob("*.png")}
     assert kept and kept <= {path.name for path in made.glob("*.png")}
-
-
-def test_what_transfers_gained_comes_with_the_package() -> None:
-    assert BUNDLED_TABLE.read_bytes() == (REPORT / TABLE).read_bytes()

@@ -159,6 +159,7 @@ def test_three_numbers_of_the_page_by_other_means() -> None:
     error = sum((gains[pair] - predicted[pair]) ** 2 for pair in gains)
     squared = 1 - error / sum((gain - mean) ** 2 for gain in gains.values())
     assert len(gains) == 812 and f"| **the law** | {squared:.2f} (" in PAGE
+    assert f"it explains {100 * squared:.0f} % of the\nvariance of gains" in PAGE
     # 2. Regret of the source with the largest zero-shot score, of all 28.
     shots: dict[tuple[str, str], float] = defaultdict(float)
     with (TABLES / "numbers_measures.csv").open(newline="") as file:

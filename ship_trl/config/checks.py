@@ -32,6 +32,8 @@ MAX_BYTES = 2**33
 WEIGHT_BYTES, MAP_BYTES, TRANSITION_BYTES = 20, 12, 726
 # The planner tries each motion from that many rows a step, at 96 angles.
 MOTION_BYTES = 2 * 96 * 200
+# Masks by name, each the function that makes it of a world.
+MASKS = {"rules": "ship_trl.policies.masks:RulesMask"}
 # Metres of an episode, up to which 32-bit numbers still resolve decimetres.
 MAX_WAY = 1e6
 
@@ -70,6 +72,8 @@ def to_config(values: DictConfig) -> Config:
     require(learn.batch_size <= learn.replay_size, "learn.batch_size", allowed, learn.batch_size)
     allowed = f"above world.safe_distance={safe:g} with margin.penalty={margin.penalty:g}"
     require(not margin.penalty or margin.distance > safe, "margin.distance", allowed, f"{margin.distance:g}")
+    if config.mask not in (None, *MASKS):
+        check_function("mask", config.mask, f"null, {', '.join(MASKS)}, ")
     config.algorithm = read_algorithm(config.algorithm, learn)
     check_network(config)
     check_logger(config.logger)
@@ -96,16 +100,7 @@ def read_algorithm(values: dict[str, Any], learn: Learn) -> dict[str, Any]:
         ConfigError: `build` names no function, its file or package is missing, or a key is unknown or wrong.
     """
     build = values.get("build")
-    where, _, function = str(build).rpartition(":")
-    if where.endswith(".py"):
-        is_there = Path(where).is_file()
-    else:
-        parts = where.split(".")
-        is_name = all(map(str.isidentifier, parts))
-        # A script that runs has no spec to find.
-        is_there = is_name and (parts[0] in sys.modules or importlib.util.find_spec(parts[0]) is not None)
-    allowed = "module:function or file.py:function, of a module or file that exists"
-    require(function.isidentifier() and is_there, "algorithm.build", allowed, build)
+    check_function("algorithm.build", build)
     if (kind := reads_of(values).settings) is None:
         return values
     own = {key: value for key, value in values.items() if key != "build"}
@@ -113,6 +108,20 @@ def read_algorithm(values: dict[str, Any], learn: Learn) -> dict[str, Any]:
     if hasattr(settings, "check"):
         settings.check(learn)
     return {"build": build, **dataclasses.asdict(settings)}
+
+
+def check_function(key: str, name: object, words: str = "") -> None:
+    """Check that a setting names a function of a module or file that exists; `words` are allowed too."""
+    where, _, function = str(name).rpartition(":")
+    if where.endswith(".py"):
+        is_there = Path(where).is_file()
+    else:
+        parts = where.split(".")
+        is_name = all(map(str.isidentifier, parts))
+        # A script that runs has no spec to find.
+        is_there = is_name and (parts[0] in sys.modules or importlib.util.find_spec(parts[0]) is not None)
+    allowed = f"{words}module:function or file.py:function, of a module or file that exists"
+    require(function.isidentifier() and is_there, key, allowed, name)
 
 
 def ignored_keys(algorithm: Mapping[str, Any], words: Iterable[str]) -> list[str]:

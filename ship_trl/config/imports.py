@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import hashlib
 import importlib
 import importlib.util
 import inspect
@@ -32,6 +33,13 @@ def name_in_errors(title: str) -> Iterator[None]:
         ]
         reason = " ".join(f"{type(error).__name__}: {error}".split())
         raise ConfigError(f"{title}: {reason}{''.join(places[-1:])}") from error
+
+
+def digest_function(name: str) -> str:
+    """Return the name of a function, with the SHA-256 of its file in place of a path."""
+    file, _, function = name.rpartition(":")
+    is_file = file.endswith(".py")
+    return f"{hashlib.sha256(Path(file).read_bytes()).hexdigest()}:{function}" if is_file else name
 
 
 def import_function(name: str, key: str, *parameters: str) -> Callable[..., Any]:

@@ -338,6 +338,7 @@ class Config:
     wandb: Wandb
     observation: Observation = Observation.pixels
     margin: Margin = field(default_factory=Margin)
+    mask: str | None = None
     transfer: Transfer = field(default_factory=Transfer)
     situations: Situations = Situations()
     extend: bool = False

@@ -30,6 +30,8 @@ from ship_trl.sim.state import (
 )
 
 Array = np.ndarray[Any, Any]
+# Steps: longer than any episode.
+FOREVER = 1 << 30
 
 
 @compiled()
@@ -87,7 +89,14 @@ def keeps_clear(
 
 @compiled()
 def arrives(
-    row: Array, first: int, plan: Array, actions: Array, constants: Array, straight: int, reacting: bool
+    row: Array,
+    first: int,
+    plan: Array,
+    actions: Array,
+    constants: Array,
+    straight: int,
+    reacting: bool,
+    horizon: int = FOREVER,
 ) -> bool:
     """Return whether an action and then a manoeuvre [3] reach the goal in time, clear of target ships.
 
@@ -99,6 +108,7 @@ def arrives(
         constants: those of `fast.step`.
         straight: the action that goes straight on.
         reacting: whether to keep clear of ships that hold course also if they give way.
+        horizon: steps after which it is enough to be clear.
     """
     dt, _, goal_distance, max_steps = constants[:4]
     left_speed, left_turn, mean_speed, mean_turn = constants[4:8]
@@ -106,7 +116,8 @@ def arrives(
     for k in range(int(row[SHIP_COUNT])):
         behaviour = OWN_SIZE + SHIP_SIZE * k + SHIP_BEHAVIOUR
         now[behaviour] = max(now[behaviour], GIVES_WAY)
-    for t in range(int(max_steps - row[STEP])):
+    left = int(max_steps - row[STEP])
+    for t in range(min(horizon, left)):
         if t == 0:
             action = first
         elif t <= plan[1]:
@@ -127,7 +138,34 @@ def arrives(
         now[SPEED], now[YAW_RATE] = speed + speed_lag * left_speed, turn + turn_lag * left_turn
         if math.hypot(row[GOAL_X] - new[0], row[GOAL_Y] - new[1]) <= goal_distance:
             return True
-    return False
+    return horizon <= left
+
+
+@compiled()
+def stay_clear(
+    state: Array,
+    allowed: Array,
+    table: Array,
+    actions: Array,
+    constants: Array,
+    straight: int,
+    horizon: int,
+    found: Array,
+) -> None:
+    """Write into `found` [N] whether an allowed action, bool [N, A], keeps clear of ships that hold course.
+
+    One is enough, with one of the manoeuvres of `table` [P, 3] after it, for `horizon` steps or to the end.
+    """
+    for n in range(state.shape[0]):
+        row, found[n] = state[n], False
+        steps = min(horizon, int(constants[3] - row[STEP]))
+        for p in range(table.shape[0]):
+            for a in range(allowed.shape[1]):
+                if allowed[n, a] and arrives(row, a, table[p], actions, constants, straight, False, steps):
+                    found[n] = True
+                    break
+            if found[n]:
+                break
 
 
 @compiled()

@@ -15,6 +15,7 @@ from torch import Tensor
 from ship_trl.learn import settings as settings_of
 from ship_trl.learn.algorithm import Setup
 from ship_trl.learn.double_dqn import DoubleDQN
+from ship_trl.learn.masks import mask_of, mask_values
 from ship_trl.learn.network import Draw
 from ship_trl.learn.pupil import distillation_loss
 from ship_trl.learn.replay import StateReplay
@@ -54,7 +55,8 @@ class Aggrevate(DoubleDQN):
         value = self.expert(state)
         own = min(1.0, episode / (self.settings.own_fraction * self.learn.episodes))
         is_own = torch.rand(len(state), generator=self.exploration, device=state.device) < own
-        step.set("action", torch.where(is_own, action, value.argmax(-1)))
+        best = mask_values(value, mask_of(step)).argmax(-1)
+        step.set("action", torch.where(is_own, action, best))
         return step.set(VALUE, value)
 
     def loss(self, batch: TensorDictBase) -> Tensor:

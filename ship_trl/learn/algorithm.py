@@ -20,6 +20,7 @@ from torch import Generator, Tensor
 from ship_trl.config.imports import import_function, name_in_errors
 from ship_trl.config.types import Learn
 from ship_trl.learn.hooks import LearningHooks
+from ship_trl.learn.masks import ACTION_MASK, Mask
 from ship_trl.learn.network import Dense, Draw, DuelingNetwork, MakeBackend, make_backend
 from ship_trl.learn.optimiser import ChannelsLastAdam, learning_groups
 from ship_trl.learn.rollout import Policy, greedy_policy
@@ -61,6 +62,7 @@ class Setup:
         teacher: the network that `algorithm.teacher` names, or an expert; None without one.
         mirror: maps states to those with port and starboard exchanged; None in a world without.
         accelerator: what makes learning faster.
+        mask: says which actions may be taken, in training and by the greedy policy; None for all.
     """
 
     network: DuelingNetwork
@@ -74,6 +76,7 @@ class Setup:
     teacher: Teacher | None = None
     mirror: Callable[[Tensor], Tensor] | None = None
     accelerator: Accelerator = field(default_factory=Accelerator)
+    mask: Mask | None = None
 
 
 class Algorithm(ABC):
@@ -83,7 +86,8 @@ class Algorithm(ABC):
         online_network: the network that learns, `setup.network`.
         network: of the greedy policy, which is evaluated and saved.
         greedy: the policy of evaluations, which draws no random number.
-        encoders: further observations that the environment gives, each a function of states [N, S].
+        encoders: further observations that the environment gives, each a function of states [N, S]; one is
+            `action_mask` if there is a mask.
         epsilon: share of random actions; NaN where actions are drawn otherwise.
         optimiser: of the layers that learn.
         exploration: random generator of the acting policy.
@@ -95,21 +99,21 @@ class Algorithm(ABC):
 
     def __init__(self, setup: Setup) -> None:
         self.draw, self.learn, self.method = setup.draw, setup.learn, setup.method
-        self.exploration = setup.exploration
+        self.exploration, self.mask = setup.exploration, setup.mask
         self.online_network = network = setup.network
         network.freeze(self.method.frozen_layers(0.0))
         network.backend = make_backend(network, self.draw, self.learn, setup.accelerator.incremental)
         network.skips_empty_places = network.advantage.weight.is_cpu
         self.dtype, self.backend = network.backend.dtype, network.backend.name
         self.optimiser = ChannelsLastAdam(learning_groups(network, self.method.rate_factor), self.learn.lr)
-        self.encoders: dict[str, Draw] = {}
+        self.encoders: dict[str, Draw] = {} if setup.mask is None else {ACTION_MASK: setup.mask}
         self.evaluate_with(network)
 
     def evaluate_with(self, network: DuelingNetwork) -> None:
         """Let evaluations use the weights of a network. They compute whole frames in float32."""
         self.network: DuelingNetwork = copy.copy(network)
         self.network.backend = Dense()
-        self.greedy: Policy = greedy_policy(self.network, self.draw)
+        self.greedy: Policy = greedy_policy(self.network, self.draw, self.mask)
 
     def schedule(self, episode: int) -> float:
         """Set what changes over the training, and return the share of the episodes that have ended."""

@@ -11,6 +11,7 @@ from torch import Tensor
 
 from ship_trl.learn.algorithm import Algorithm, Setup, add_prefix, epsilon_at, strip_prefix
 from ship_trl.learn.hooks import LearningHooks
+from ship_trl.learn.masks import ACTION_MASK, mask_values
 from ship_trl.learn.network import Dense, Draw, DuelingNetwork
 from ship_trl.learn.q_learning import double_dqn_loss, read_batch, update
 from ship_trl.learn.replay import DrawStates, StateReplay, make_batch
@@ -46,27 +47,29 @@ class DoubleDQN(Algorithm):
         super().__init__(setup)
         network, learn = self.online_network, self.learn
         device = network.advantage.weight.device
-        self.encoders = self.make_encoders()
-        self.observed = next(iter(self.encoders), network.observes)
-        self.stored = next(iter(self.encoders), "state")
+        encoders = self.make_encoders()
+        self.encoders |= encoders
+        self.observed = next(iter(encoders), network.observes)
+        self.stored = next(iter(encoders), "state")
         self.replay = make_replay(
             learn.replay_size,
             learn.reward_scale,
             setup.replay,
             device,
             self.stored,
-            None if self.encoders else DrawStates(self.draw, network.observes),
-            encode=self.encoders.get(FEATURES),
+            None if encoders else DrawStates(self.draw, network.observes),
+            encode=encoders.get(FEATURES),
             n=n,
             gamma=learn.gamma,
         )
         # A graph keeps the numbers of its capture, such as a penalty's weight.
         captures = device.type == "cuda" and type(self.method).penalty is LearningHooks.penalty
         self._capture = setup.accelerator.capture if captures else None
-        best: Callable[[Tensor], Tensor] = self.best_actions
+        best: Callable[..., Tensor] = self.best_actions
         if self._capture is not None and type(self).best_actions is DoubleDQN.best_actions:
             best = self._capture(best)
-        self.policy = EpsilonGreedy(best, self.stored, setup.num_actions, setup.exploration)
+        key = None if self.mask is None else ACTION_MASK
+        self.policy = EpsilonGreedy(best, self.stored, setup.num_actions, setup.exploration, key)
         # Environment steps and updates so far.
         self.steps = self.updates = 0
         self.target_network: DuelingNetwork = copy.deepcopy(network).requires_grad_(False)
@@ -115,9 +118,13 @@ class DoubleDQN(Algorithm):
         is_plain = type(self).loss is DoubleDQN.loss
         self._graph = self._capture(self._learn_from_values) if self._capture and is_plain else None
 
-    def best_actions(self, observed: Tensor) -> Tensor:
-        """Return the actions that the online network rates highest, int64 [N], of stored observations."""
-        return self.online_network(observed if self.encoders else self.draw(observed)).argmax(-1)
+    def best_actions(self, observed: Tensor, allowed: Tensor | None = None) -> Tensor:
+        """Return the allowed actions that the online network rates highest, int64 [N].
+
+        `observed` are stored observations; `allowed`, bool [N, A], is given if there is a mask.
+        """
+        seen = self.draw(observed) if self.stored == "state" else observed
+        return mask_values(self.online_network(seen), allowed).argmax(-1)
 
     def act(self, step: TensorDictBase, episode: int) -> TensorDictBase:
         """Write `action`, when `episode` training episodes have ended."""

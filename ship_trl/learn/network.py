@@ -120,12 +120,14 @@ class DuelingNetwork(nn.Module):
             From there on, conv layers are linear layers.
         backend: computes the conv layers; replaceable at any time, because all compute the same function.
         frozen: number of layers, counted from the input, that do not learn (see `freeze`).
+        mask: name of the mask under which it was trained; None for most.
         reused: a network that does not learn, whose Q-values are added to this one's own; None for most.
             Its weights are saved with the others.
     """
 
     observes = "pixels"
     frozen = 0
+    mask: str | None = None
     # Of ships as numbers the nearest come first, and the last places are often empty in a whole batch. On a
     # GPU, and where the network is compiled or stacked, shapes must not depend on values.
     skips_empty_places = False

@@ -17,16 +17,19 @@ from tensordict import NestedKey, TensorDict, TensorDictBase
 from tensordict.nn import TensorDictModule
 from torch import Tensor, nn
 from torch.distributions import Categorical
-from torchrl.modules import ProbabilisticActor
+from torchrl.modules import MaskedCategorical, ProbabilisticActor
 from torchrl.objectives import ClipPPOLoss
 from torchrl.objectives.value import GAE
 
 from ship_trl.learn import settings as settings_of
 from ship_trl.learn.algorithm import Algorithm, DivergedError, Setup, add_prefix, strip_prefix
+from ship_trl.learn.masks import ACTION_MASK, mask_of, mask_values
 from ship_trl.learn.optimiser import learning_parameters
 
 # Outputs of the network that acted, [N, A].
 OUTPUT = "action_value"
+# What is kept of each step; the mask if there is one.
+KEPT = "state", "action", ACTION_MASK
 
 
 def state_value(output: Tensor) -> Tensor:
@@ -34,13 +37,16 @@ def state_value(output: Tensor) -> Tensor:
     return output.mean(-1, keepdim=True)
 
 
-def make_loss(settings: settings_of.PPO) -> ClipPPOLoss:
-    """Make the loss of batches that hold the network's outputs; it has no parameters of its own."""
+def make_loss(settings: settings_of.PPO, is_masked: bool = False) -> ClipPPOLoss:
+    """Make the loss of batches that hold the network's outputs, and `action_mask` if `is_masked`.
+
+    It has no parameters of its own.
+    """
     outputs: list[NestedKey] = [OUTPUT]
     actor = ProbabilisticActor(
         TensorDictModule(nn.Identity(), in_keys=outputs, out_keys=["logits"]),
-        in_keys=["logits"],
-        distribution_class=Categorical,
+        in_keys={"logits": "logits", "mask": ACTION_MASK} if is_masked else ["logits"],
+        distribution_class=MaskedCategorical if is_masked else Categorical,
         return_log_prob=True,
     )
     return ClipPPOLoss(
@@ -55,7 +61,7 @@ def make_loss(settings: settings_of.PPO) -> ClipPPOLoss:
 
 
 class Best(NamedTuple):
-    """Steps of an episode, `state` [T, S] and `action` [T], and the undiscounted sum of its rewards."""
+    """Steps of an episode by `KEPT`, [T, ...], and the undiscounted sum of its rewards."""
 
     steps: TensorDictBase
     episode_return: float
@@ -83,10 +89,10 @@ class BestEpisodes:
         return len(self._best)
 
     def observe(self, step: TensorDictBase) -> None:
-        """Take note of a step [N] with `state`, `action`, and below `next` `reward` and `done`."""
+        """Take note of a step [N] with the keys of `KEPT`, and below `next` `reward` and `done`."""
         rewards, done = (step["next", key].squeeze(-1).tolist() for key in ("reward", "done"))
         count = len(rewards)
-        self._steps.append(step.select("state", "action").clone())
+        self._steps.append(step.select(*KEPT, strict=False).clone())
         self._lengths = [length + 1 for length in self._lengths or [0] * count]
         self._returns = [a + b for a, b in zip(self._returns or [0.0] * count, rewards, strict=True)]
         for row in range(count):
@@ -155,7 +161,7 @@ class PPO(Algorithm):
         super().__init__(setup)
         self.settings = settings_of.PPO(**{k: v for k, v in setup.options.items() if k != "build"})
         self._shuffle = setup.replay
-        self.loss = make_loss(self.settings)
+        self.loss = make_loss(self.settings, self.mask is not None)
         # Advantages are scaled to unit variance over the rollout.
         self.estimate = GAE(
             gamma=self.learn.gamma,
@@ -175,7 +181,8 @@ class PPO(Algorithm):
         self.schedule(episode)
         self._imitates = episode >= self.settings.imitation_start * self.learn.episodes
         self._output = check_finite(self.online_network(self.draw(step["state"])))
-        action = torch.multinomial(self._output.softmax(-1), 1, generator=self.exploration)
+        chances = mask_values(self._output, mask_of(step)).softmax(-1)
+        action = torch.multinomial(chances, 1, generator=self.exploration)
         return step.set("action", action.squeeze(-1))
 
     def observe(self, step: TensorDictBase) -> None:
@@ -183,7 +190,8 @@ class PPO(Algorithm):
         assert self._output is not None, "call act() first"
         if self._best is not None:
             self._best.observe(step)
-        kept = step.select("state", "action", *(("next", key) for key in ("state", "done", "terminated")))
+        following = (("next", key) for key in ("state", "done", "terminated"))
+        kept = step.select(*KEPT, *following, strict=False)
         kept = kept.clone().set(OUTPUT, self._output)
         kept["next", "reward"] = step["next", "reward"] * self.learn.reward_scale
         self._rollout.append(kept)
@@ -203,7 +211,8 @@ class PPO(Algorithm):
     def judge(self, steps: TensorDictBase) -> TensorDictBase:
         """Return a rollout [T, N] with `advantage`, `value_target` and the probabilities of its actions."""
         output, action = steps[OUTPUT], steps["action"].unsqueeze(-1)
-        steps["action_log_prob"] = output.log_softmax(-1).gather(-1, action).squeeze(-1)
+        log_prob = mask_values(output, mask_of(steps)).log_softmax(-1)
+        steps["action_log_prob"] = log_prob.gather(-1, action).squeeze(-1)
         steps["state_value"] = state_value(output)
         # The next step begins where this one ends, unless the environment was reset between them.
         value = steps["state_value"].roll(-1, 0)
@@ -213,7 +222,8 @@ class PPO(Algorithm):
         value[ends] = torch.cat([state_value(self.online_network(self.draw(one))) for one in after])
         steps["next", "state_value"] = value
         # A truncated step is not terminated, so it bootstraps.
-        return self.estimate(steps).select("state", "action", "action_log_prob", "advantage", "value_target")
+        judged = self.estimate(steps)
+        return judged.select(*KEPT, "action_log_prob", "advantage", "value_target", strict=False)
 
     def learn_from(self, batch: TensorDictBase) -> Tensor:
         """Take one gradient step on a minibatch [B], and return the loss."""
@@ -235,7 +245,8 @@ class PPO(Algorithm):
     def _log_likelihood(self, best: Best) -> Tensor:
         """Return the mean log probability of an episode's actions."""
         output = check_finite(self.online_network(self.draw(best.steps["state"])))
-        return output.log_softmax(-1).gather(-1, best.steps["action"].unsqueeze(-1)).mean()
+        log_prob = mask_values(output, mask_of(best.steps)).log_softmax(-1)
+        return log_prob.gather(-1, best.steps["action"].unsqueeze(-1)).mean()
 
     def state_dict(self) -> dict[str, Tensor]:
         """Return what a checkpoint needs."""

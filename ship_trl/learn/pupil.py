@@ -15,6 +15,7 @@ from torch import Tensor
 from ship_trl.learn import settings as settings_of
 from ship_trl.learn.algorithm import Setup
 from ship_trl.learn.double_dqn import DoubleDQN
+from ship_trl.learn.masks import mask_values
 from ship_trl.learn.network import Draw
 from ship_trl.learn.replay import StateReplay
 
@@ -50,12 +51,12 @@ class Pupil(DoubleDQN):
         """Return none."""
         return {}
 
-    def best_actions(self, observed: Tensor) -> Tensor:
-        """Return the best actions int64 [N] of states [N, S], by pupil or teacher."""
-        action = self.teacher(observed).argmax(-1)
+    def best_actions(self, observed: Tensor, allowed: Tensor | None = None) -> Tensor:
+        """Return the best allowed actions int64 [N] of states [N, S], by pupil or teacher."""
+        action = mask_values(self.teacher(observed), allowed).argmax(-1)
         own = torch.rand(len(observed), generator=self.exploration, device=observed.device) < self.own
         if own.any():
-            action[own] = super().best_actions(observed[own])
+            action[own] = super().best_actions(observed[own], None if allowed is None else allowed[own])
         return action
 
     def act(self, step: TensorDictBase, episode: int) -> TensorDictBase:

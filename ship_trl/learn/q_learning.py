@@ -17,6 +17,7 @@ from torchrl.modules import QValueActor
 from torchrl.objectives import DQNLoss
 
 from ship_trl.config.types import Loss
+from ship_trl.learn.masks import mask_of, mask_values
 
 # Key of the number of steps whose rewards a transition sums, [B, 1]; one without it.
 STEPS = "steps_to_next_obs"
@@ -29,6 +30,7 @@ class Batch(NamedTuple):
 
     `reward` is the sum of the rewards until `following` is observed, `terminated` whether the episode had
     ended then, `discount` that of a value there; these are [..., B, 1], and `discount` may be a number.
+    `allowed` are the actions allowed there, bool [..., B, A]; None for all.
     """
 
     observation: Tensor
@@ -37,6 +39,7 @@ class Batch(NamedTuple):
     following: Tensor
     terminated: Tensor
     discount: float | Tensor
+    allowed: Tensor | None = None
 
 
 def read_batch(
@@ -51,6 +54,7 @@ def read_batch(
         following.get(observation),
         following.get(keys.terminated),
         gamma if steps is None else gamma**steps,
+        mask_of(following),
     )
 
 
@@ -87,7 +91,7 @@ def double_dqn_loss(
 ) -> tuple[Tensor, Tensor]:
     """Return the mean loss of a batch, and the errors of its Q-values [..., B, 1] without gradients."""
     with torch.no_grad():
-        both = online(batch.following), target(batch.following)
+        both = mask_values(online(batch.following), batch.allowed), target(batch.following)
         wanted = td_target(*both, batch.reward, batch.terminated, batch.discount)
     q = online(batch.observation).gather(-1, batch.action.unsqueeze(-1))
     return td_loss(q, wanted, kind, huber_delta), q.detach() - wanted
@@ -150,8 +154,8 @@ class DoubleDQNLoss(DQNLoss):
     """TorchRL's `DQNLoss` for double DQN by the functions of this file, with a Huber threshold.
 
     Keys, target parameters and updaters are those of `DQNLoss`. The networks are called directly, not
-    through the actor. Actions are indices [B]. Priority weights, masks, reductions and value estimators
-    other than TD(0) are not supported.
+    through the actor. Actions are indices [B]. The next action is one that ("next", "action_mask") allows, if
+    there is this key. Priority weights, reductions and value estimators other than TD(0) are not supported.
 
     Args:
         value_network: Q-value actor around a network that maps observations to Q-values [..., A].

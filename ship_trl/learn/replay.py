@@ -15,6 +15,7 @@ from torchrl.data import ReplayBuffer, RoundRobinWriter, Storage, TensorDictRepl
 from torchrl.envs.transforms import Transform
 
 from ship_trl.learn.algorithm import add_prefix, strip_prefix
+from ship_trl.learn.masks import ACTION_MASK, mask_of
 from ship_trl.learn.q_learning import STEPS, sum_rewards
 
 STATES: tuple[NestedKey, ...] = ("state", ("next", "state"))
@@ -153,7 +154,8 @@ class StateReplay(TensorDictReplayBuffer):
     """Uniform replay of `capacity` transitions: a `TensorDictReplayBuffer` with TorchRL's keys.
 
     A batch [B] has the observation [B, ...] and `action` [B]. Its `next` has the observation, and `reward`
-    (scaled), `done` and `terminated` [B, 1]. Batches are drawn uniformly, with replacement.
+    (scaled), `done` and `terminated` [B, 1], and `action_mask` [B, A] if the environment writes one. Batches
+    are drawn uniformly, with replacement.
 
     Args:
         capacity: maximum number of transitions; new ones then overwrite the oldest.
@@ -217,8 +219,11 @@ class StateReplay(TensorDictReplayBuffer):
         following = step.get("next")
         count = step.batch_size[0]
         strides = {STRIDE: torch.full((count,), count, device=step.device)} if self._n > 1 else {}
+        allowed = mask_of(following)
+        masks: dict[NestedKey, Tensor] = {} if allowed is None else {("next", ACTION_MASK): allowed.clone()}
         return (
             strides
+            | masks
             | {key: step.get(key).clone() for key in self._computed.values()}
             | {
                 self.observation: step.get(self.observation).clone(),

@@ -16,6 +16,7 @@ from torch import Generator, Tensor
 from torchrl.envs import EnvBase
 from torchrl.modules import QValueActor
 
+from ship_trl.learn.masks import ACTION_MASK, Mask, mask_of, mask_values
 from ship_trl.learn.network import Dense, Draw, DuelingNetwork
 
 # Steps for which memory is taken at first.
@@ -29,52 +30,70 @@ KEPT: tuple[NestedKey, ...] = (
 Policy = Callable[[TensorDictBase], TensorDictBase]
 
 
-def greedy_policy(network: DuelingNetwork, draw: Draw) -> TensorDictSequential:
-    """Return the policy that takes the action with the highest Q-value.
+def greedy_policy(network: DuelingNetwork, draw: Draw, mask: Mask | None = None) -> TensorDictSequential:
+    """Return the policy that takes the action with the highest Q-value, of those that a mask allows.
 
-    It reads `state` [N, S] and writes the key that the network observes, `action_value` float32 [N, A],
-    `chosen_action_value` [N, 1] and `action` int64 [N]. `draw` maps states to the network's input.
+    It reads `state` [N, S] and writes the key that the network observes, `action_value` float32 [N, A] and
+    `action` int64 [N]; also `chosen_action_value` [N, 1], or with a mask `action_mask`. `draw` maps states to
+    the network's input.
     """
     keys: list[NestedKey] = [network.observes]
+    observe = TensorDictModule(draw, in_keys=["state"], out_keys=keys)
+    if mask is None:
+        return TensorDictSequential(observe, QValueActor(network, in_keys=keys, action_space="categorical"))
+    # A masked `QValueActor` would write masked Q-values, which pictures show.
+    rated: list[NestedKey] = ["action_value", ACTION_MASK]
     return TensorDictSequential(
-        TensorDictModule(draw, in_keys=["state"], out_keys=keys),
-        QValueActor(network, in_keys=keys, action_space="categorical"),
+        observe,
+        TensorDictModule(network, in_keys=keys, out_keys=rated[:1]),
+        TensorDictModule(mask, in_keys=["state"], out_keys=rated[1:]),
+        TensorDictModule(lambda *both: mask_values(*both).argmax(-1), in_keys=rated, out_keys=["action"]),
     )
 
 
 class EpsilonGreedy(TensorDictModuleBase):
-    """Writes `action` int64 [N]: with probability `epsilon` a random one, else the best.
+    """Writes `action` int64 [N]: with probability `epsilon` a random one, else the best; of those allowed.
 
     TorchRL's `EGreedyModule` draws from torch's global generator, and computes Q-values for every row. This
     module draws from the run's own generator, and on a CPU computes Q-values only for rows that do not
     explore. The number of draws does not depend on `epsilon`, which the training loop sets.
 
-    `best` maps observations [N, ...], read from the key `observation`, to the best actions, int64 [N].
+    `best` maps observations [N, ...], read from the key `observation`, to the best actions, int64 [N]. With
+    an `action_mask_key`, as TorchRL's module has it, it also takes the allowed actions, bool [N, A].
     """
 
     def __init__(
-        self, best: Callable[[Tensor], Tensor], observation: str, num_actions: int, generator: Generator
+        self,
+        best: Callable[..., Tensor],
+        observation: str,
+        num_actions: int,
+        generator: Generator,
+        action_mask_key: str | None = None,
     ) -> None:
         super().__init__()
-        self.in_keys, self.out_keys = [observation], ["action"]
+        self.in_keys, self.out_keys = [observation, *filter(None, [action_mask_key])], ["action"]
         self.best, self.num_actions, self.generator = best, num_actions, generator
         self.epsilon = 1.0
 
     @torch.no_grad()
     def forward(self, tensordict: TensorDictBase) -> TensorDictBase:
         """Choose an action for each row."""
-        observation = tensordict.get(self.in_keys[0])
-        count, device = observation.shape[0], observation.device
+        seen = [tensordict.get(key) for key in self.in_keys]
+        count, device = seen[0].shape[0], seen[0].device
         explore = torch.rand(count, generator=self.generator, device=device) < self.epsilon
-        action = torch.randint(self.num_actions, (count,), generator=self.generator, device=device)
+        if len(seen) == 1:
+            action = torch.randint(self.num_actions, (count,), generator=self.generator, device=device)
+        else:
+            drawn = torch.rand((count, self.num_actions), generator=self.generator, device=device)
+            action = mask_values(drawn, seen[1]).argmax(-1)
         if device.type == "cuda":
             # All rows: to know which ones explore would wait for all earlier operations.
-            return tensordict.set("action", torch.where(explore, action, self.best(observation)))
+            return tensordict.set("action", torch.where(explore, action, self.best(*seen)))
         explorers = sum(explore.tolist())
         if explorers == 0:
-            action = self.best(observation)
+            action = self.best(*seen)
         elif explorers < count:
-            action[~explore] = self.best(observation[~explore])
+            action[~explore] = self.best(*(each[~explore] for each in seen))
         return tensordict.set("action", action)
 
 
@@ -190,7 +209,8 @@ def jumpstart(
 
     Their other layers are drawn anew; `network` stays as it is. One draw tells little: an untrained network
     often repeats one action, and may reach the goal by chance. The batch size of `env` limits how many
-    episodes run side by side. `draw` maps states to pixels, and `generator` is on the CPU.
+    episodes run side by side. `draw` maps states to pixels, and `generator` is on the CPU. `env` may write a
+    mask.
     """
     redrawn = copy.deepcopy(network).cpu()
     networks = [copy.deepcopy(network) for _ in range(min(draws, env.batch_size[0]))]
@@ -215,9 +235,10 @@ def run_episodes(env: EnvBase, draw: Draw, networks: Sequence[DuelingNetwork]) -
     while running:
         action = torch.zeros(env.batch_size, dtype=torch.int64, device=env.device)
         # All rows: on a GPU each number of rows would be captured anew.
-        seen = draw(step["state"])
+        seen, allowed = draw(step["state"]), mask_of(step)
         for ship in running:
-            action[ship] = networks[ship](seen[ship : ship + 1])[0].argmax()
+            q = networks[ship](seen[ship : ship + 1])
+            action[ship] = mask_values(q, None if allowed is None else allowed[ship : ship + 1])[0].argmax()
         stepped, step = env.step_and_maybe_reset(step.set("action", action))
         after = stepped["next"]
         totals[running] += after["reward"][running, 0]

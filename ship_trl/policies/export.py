@@ -18,8 +18,8 @@ from ship_trl.config.network import describe_network
 from ship_trl.fast.worlds import make_env
 from ship_trl.files.disk import atomic_write
 from ship_trl.learn.network import DuelingNetwork
-from ship_trl.learn.rollout import Episode, rollout
-from ship_trl.policies.named import load_with_network
+from ship_trl.learn.rollout import Episode, greedy_policy, rollout
+from ship_trl.policies.named import load_network, load_with_network
 from ship_trl.policies.onnx import OUTPUT, RUNTIME, onnx_policy
 from ship_trl.policies.registry import Entry, split_suites
 from ship_trl.transfer.weights import open_safetensors
@@ -31,15 +31,20 @@ TOLERANCE = 1e-4
 def export(entry: Entry, path: Path) -> str:
     """Write a network as ONNX, and check it if onnxruntime is installed; return what was written.
 
+    The model gives Q-values, without the mask under which the network may have been trained.
+
     Raises:
         ConfigError: the policy has no network, or the model's actions or Q-values differ from the network's.
     """
     # In a suite it is checked in the first scene.
     entry = split_suites([entry])[0]
     env = make_env(entry.suite.case, entry.world, colour=entry.colour)
-    policy, network = load_with_network(entry.policy, env)
+    weights = Path(entry.policy)
+    is_file = weights.suffix == ".safetensors"
+    network = load_network(weights, env) if is_file else load_with_network(entry.policy, env)[1]
+    observe = env.observer(network.config, network.colour)
     # The exporter would treat a batch size of one as constant.
-    observation = env.observer(network.config, network.colour)(env.reset()["state"].expand(2, -1))
+    observation = observe(env.reset()["state"].expand(2, -1))
     program = trace(network, observation)
     # The case, the actions, the layers, and the run that trained the weights.
     about = {
@@ -49,11 +54,12 @@ def export(entry: Entry, path: Path) -> str:
         "actions_unit": "m/s, rad/s",
         "ship_trl": __version__,
     }
-    if Path(entry.policy).is_file():
-        with open_safetensors(Path(entry.policy), "policy") as file:
+    if is_file:
+        with open_safetensors(weights, "policy") as file:
             trained = json.loads((file.metadata() or {}).get("ship_trl", "{}"))
         about |= {key: str(trained[key]) for key in ("config_hash", "episode") if key in trained}
     about["network"] = json.dumps(describe_network(network.config))
+    about |= {"mask": network.mask} if network.mask else {}
     program.model.metadata_props.update(about)
     kind, size = str(observation.dtype).removeprefix("torch."), ", ".join(map(str, observation.shape[1:]))
     actions = len(entry.world.actions)
@@ -62,7 +68,12 @@ def export(entry: Entry, path: Path) -> str:
         program.save(draft)
         checked = f"not checked: {RUNTIME} is not installed"
         if importlib.util.find_spec(RUNTIME) is not None:
-            checked = compare(rollout(env, policy)[0], rollout(env, onnx_policy(draft, env)[0])[0])
+            policies = greedy_policy(network, observe), onnx_policy(draft, env)[0]
+            checked = compare(*(rollout(env, policy)[0] for policy in policies))
+    if network.mask:
+        checked += (
+            f"\ntrained under the mask {network.mask}, which is left to you: evaluate {path}+{network.mask}"
+        )
     return f"{path}: case {entry.suite.case.name}, {entry.label}; {shapes}\n{checked}"
 
 

@@ -17,7 +17,7 @@ from tensordict import TensorDictBase
 from torch import Tensor
 
 from ship_trl.config.types import World
-from ship_trl.fast.manoeuvres import choose_actions
+from ship_trl.fast.manoeuvres import choose_actions, stay_clear
 from ship_trl.fast.step import constants
 from ship_trl.sim.cases import HOLDS_COURSE
 from ship_trl.sim.env import ShipEnv
@@ -77,6 +77,13 @@ class Manoeuvres:
         table = self.table, self.actions, self.constants, straight
         choose_actions(rows, order.numpy(), *table, found, chosen)
         return torch.from_numpy(chosen), torch.from_numpy(found)
+
+    def stay_clear(self, state: Tensor, allowed: Tensor, steps: int) -> Tensor:
+        """Return where a manoeuvre behind an allowed action, bool [N, A], stays clear for some steps: [N]."""
+        found, rows = np.empty(len(state), np.bool_), state.double().numpy()
+        table = self.table, self.actions, self.constants, self.world.straight_action
+        stay_clear(rows, allowed.numpy(), *table, steps, found)
+        return torch.from_numpy(found)
 
 
 class BestManoeuvre:

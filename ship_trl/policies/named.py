@@ -16,6 +16,7 @@ from typing import Any
 from tensordict import TensorDictBase
 from torch import Generator, Tensor, nn
 
+from ship_trl.config.checks import MASKS
 from ship_trl.config.errors import ConfigError
 from ship_trl.config.imports import import_function, name_in_errors
 from ship_trl.fast.worlds import draw_starts, make_env
@@ -31,8 +32,8 @@ from ship_trl.sim.env import ShipEnv
 from ship_trl.transfer.weights import Look, load_weights, read_look
 
 
-def load_policy(name: str, env: ShipEnv, seed: int = 0) -> CheckedPolicy:
-    """Load a policy for an environment.
+def load_policy(name: str, env: ShipEnv, seed: int = 0, laid: tuple[str, ...] = ()) -> CheckedPolicy:
+    """Load a policy for an environment; a network keeps the mask under which it was trained.
 
     Args:
         name: one of `registry.POLICIES`; `pretrained` (the bundled network for the environment's case or
@@ -40,17 +41,19 @@ def load_policy(name: str, env: ShipEnv, seed: int = 0) -> CheckedPolicy:
             `file.py:function` or `module:function`, which is called with the environment and the seed.
         env: where it will act.
         seed: of its random numbers.
+        laid: names of masks that are laid on it.
 
     Raises:
         ConfigError: there is no such policy, or its file is invalid; later, it is given what it cannot read,
             or a user's fails or writes an invalid action.
     """
+    # Imported in this function: masks need numba, which a run does not.
     base, masks = split_masks(name)
     if masks:
-        # It needs numba, which a run does not.
         from ship_trl.policies.masks import Masked
 
-        return CheckedPolicy(Masked(load_policy(base, env, seed), env.world, masks), None, name)
+        policy = load_policy(base, env, seed, masks)
+        return CheckedPolicy(Masked(policy, env.world, masks), None, name)
     kind = kind_of(name)
     if kind is Kind.named:
         return CheckedPolicy(resolve_name(POLICIES[name].make)(env, seed), None, name)
@@ -71,7 +74,17 @@ def load_policy(name: str, env: ShipEnv, seed: int = 0) -> CheckedPolicy:
         file = find(name, None if ":" in name else env.suite).file
     network = load_network(file, env)
     look = Look(network.config, network.colour)
-    return CheckedPolicy(greedy_policy(network, env.observer(*look[:2])), look, name)
+    observe = env.observer(*look[:2])
+    if network.mask is None:
+        return CheckedPolicy(greedy_policy(network, observe), look, name)
+    if network.mask not in (*MASKS, *laid):
+        # A file must not say what is imported.
+        told = f"{name} was trained under the mask {network.mask}, whose code runs if you name it"
+        raise ConfigError(f"policy: {told}; allowed: {name}+{network.mask}")
+    from ship_trl.policies.masks import load_mask
+
+    mask = load_mask(network.mask, env.world)
+    return CheckedPolicy(greedy_policy(network, observe, mask), None, name)
 
 
 def load_network(path: Path, env: ShipEnv, key: str = "policy") -> DuelingNetwork:
@@ -86,6 +99,7 @@ def load_network(path: Path, env: ShipEnv, key: str = "policy") -> DuelingNetwor
     if look.adds_source:
         network.reused = make().requires_grad_(False)
     network.load_state_dict(dict(load_weights(path, network, key)))
+    network.mask = look.mask
     return network.to(env.device)
 
 

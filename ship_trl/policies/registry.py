@@ -7,6 +7,7 @@ from dataclasses import dataclass, replace
 from enum import Enum
 from pathlib import Path
 
+from ship_trl.config import checks
 from ship_trl.config.errors import ConfigError
 from ship_trl.config.types import World
 from ship_trl.policies.pretrained import PRETRAINED, is_pretrained
@@ -56,23 +57,29 @@ FILES = {".safetensors": Kind.network, ".onnx": Kind.onnx, ".zip": Kind.sb3}
 # Before a file of Stable-Baselines3: its pickles may run.
 TRUSTED = "trusted:"
 
-# Behind a policy, each with a + before it; see `policies.masks`.
-MASKS = ("rules", "shield")
+# Behind a policy, each with a + before it; see `policies.masks`. A user's own is module:function, or
+# file.py:function.
+SHIELD = "shield"
+MASKS = (*checks.MASKS, SHIELD)
 
 
 def split_masks(name: str) -> tuple[str, tuple[str, ...]]:
     """Split a policy's word into the policy and the names of its masks: "vo+rules+shield".
 
     Raises:
-        ConfigError: a mask is named twice.
+        ConfigError: a mask is named twice, or its module or file does not exist.
     """
-    masks = list[str]()
-    while (found := name.rpartition("+"))[2] in MASKS:
-        name = found[0]
-        if found[2] in masks:
-            raise ConfigError(f"policy: {name}+{found[2]}: {found[2]} is given twice; allowed: once")
-        masks.insert(0, found[2])
-    return name, tuple(masks)
+    base, plus, mask = name.rpartition("+")
+    # The file of a user's policy may have a plus in its name.
+    is_own = bool(plus) and ":" in mask and not Path(name.rpartition(":")[0]).exists()
+    if is_own:
+        checks.check_function("policy", mask, f"a policy with masks: {', '.join(MASKS)}, ")
+    elif mask not in MASKS or not plus:
+        return name, ()
+    base, masks = split_masks(base)
+    if mask in masks:
+        raise ConfigError(f"policy: {name}: {mask} is given twice; allowed: once")
+    return base, (*masks, mask)
 
 
 def kind_of(name: str, more: Sequence[str] = ()) -> Kind:

@@ -8,6 +8,7 @@ from pathlib import Path
 import torch
 from torch import Generator, Tensor
 
+from ship_trl.config.errors import require
 from ship_trl.fast.graphs import Captured
 from ship_trl.fast.worlds import make_rasteriser, make_tracked_step
 from ship_trl.learn.lockstep import Lockstep
@@ -93,7 +94,12 @@ def starts(runs: Sequence[Run], cases: Sequence[str]) -> Tensor:
 
 
 def start_network(run: Run) -> tuple[DuelingNetwork, tuple[str, ...]]:
-    """Make the initial network of a run, and name its frozen layers."""
+    """Make the initial network of a run, and name its frozen layers.
+
+    Raises:
+        ConfigError, ValueError: the run has a mask, or an arm that cannot be trained in lockstep.
+    """
+    require(run.config.mask is None, "mask", "null for runs in lockstep", run.config.mask)
     weights = Generator().manual_seed(run.stream("weights"))
     network = make_network(run.config.network, len(run.config.world.actions), weights)
     method, source = make_method(run.arm, run.config.transfer), read_source(run)

@@ -21,6 +21,7 @@ from ship_trl.config.arm import SCRATCH, Arm, SourceWeights
 from ship_trl.config.bounds import RewardScale
 from ship_trl.config.checks import non_default_algorithm, reads_of
 from ship_trl.config.errors import ConfigError, one_line, override, require
+from ship_trl.config.imports import digest_function
 from ship_trl.config.network import non_default_network
 from ship_trl.config.paths import conf_files, stem
 from ship_trl.config.schema import read_as
@@ -272,10 +273,7 @@ def hash_of(
         "learn": learn,
     }
     # In place of paths, what is in the files.
-    digests = {}
-    file, _, function = config.algorithm["build"].rpartition(":")
-    if file.endswith(".py"):
-        digests["build"] = f"{hashlib.sha256(Path(file).read_bytes()).hexdigest()}:{function}"
+    digests = {"build": digest_function(config.algorithm["build"])}
     if (teacher := find_teacher(config)) is not None:
         factor = "" if teacher.factor == 1 else f" times {teacher.factor:g}"
         digests["teacher"] = f"{teacher.digest}{factor}"
@@ -285,6 +283,7 @@ def hash_of(
     optional: dict[str, Any] = {
         "transfer": {key: value for key, value in own.items() if value != default[key]},
         "margin": describe_margin(config.margin),
+        "mask": config.mask and digest_function(config.mask),
         "network": non_default_network(config.network),
         "vector_version": VECTOR_VERSION if config.network.linear else None,
         "algorithm": algorithm and algorithm | digests,

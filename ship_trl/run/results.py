@@ -99,7 +99,9 @@ def read_run_settings(one: RunRecord, known: dict[bytes, dict[str, str]]) -> dic
         text = SEED.sub(b"*", read_file(path, MAX_YAML_BYTES))
         if text not in known:
             values: Any = OmegaConf.to_container(read_yaml(path))
-            told = {key: str(value) for key, value in flatten(values) if key not in NOT_NAMED}
+            named = ((key, value) for key, value in flatten(values) if key not in NOT_NAMED)
+            # Files of older runs lack keys that are null by default.
+            told = {key: str(value) for key, value in named if value is not None}
             told = {key: SEED.sub(b"*", value.encode()).decode() for key, value in told.items()}
             known[text] = {"network": network_name(values.get("network") or {})} | told
     except (OSError, YAMLError, AttributeError):

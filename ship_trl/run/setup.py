@@ -19,6 +19,7 @@ from ship_trl.config.types import Config, Learn
 from ship_trl.fast.worlds import accelerator, make_env, make_starts
 from ship_trl.files.curve import Row
 from ship_trl.learn.algorithm import Algorithm, Setup, Teacher, build_algorithm
+from ship_trl.learn.masks import ACTION_MASK, Mask
 from ship_trl.learn.network import Draw, DuelingNetwork, make_network
 from ship_trl.learn.rollout import Episode, greedy_policy, jumpstart, mean_return, rollout
 from ship_trl.learn.train import Training
@@ -77,7 +78,7 @@ class Parts:
 
     def evaluate(self, network: DuelingNetwork) -> list[Episode]:
         """Roll out the greedy episodes of a network."""
-        return rollout(self.eval_env, greedy_policy(network, self.draw))
+        return rollout(self.eval_env, greedy_policy(network, self.draw, self.algorithm.mask))
 
 
 @cache
@@ -109,12 +110,13 @@ def make_parts(run: Run, device: torch.device, source: Source | None) -> Parts:
     eval_env = make_run_env(run, run.target, device, starts=begun)
     draw, actions = eval_env.observer(config.network), len(world.actions)
     network = make_network(config.network, actions, streams["weights"], colour=config.colour).to(device)
-    untrained = rollout(eval_env, greedy_policy(network, draw))
+    network.mask, mask = config.mask, make_mask(config)
+    untrained = rollout(eval_env, greedy_policy(network, draw, mask))
     method = make_method(run.arm, config.transfer)
     if source is not None:
         if forms()[run.arm.method].uses_function:
             fixed = fixed_copy(network, source.weights)
-            method.attach(make_origin(run, fixed, eval_env, mean_return(untrained)))
+            method.attach(make_origin(run, fixed, eval_env, mean_return(untrained), mask))
         method.copy(network, source.weights)
     teacher, values = find_teacher(config), None
     # The rules are not symmetric: a mirror image would have other encounters.
@@ -136,6 +138,7 @@ def make_parts(run: Run, device: torch.device, source: Source | None) -> Parts:
         teacher=values,
         mirror=mirrored_state if is_symmetric else None,
         accelerator=accelerator(config.fast),
+        mask=mask,
     )
     algorithm = build_algorithm(setup)
     given: dict[str, Any] = {"encoders": algorithm.encoders, "generator": starts, "margin": config.margin}
@@ -152,19 +155,31 @@ def make_parts(run: Run, device: torch.device, source: Source | None) -> Parts:
         draws=measure_jumpstart(run, algorithm, draw, eval_env),
         origin=None if source is None else source.origin,
         teacher=teacher.name if teacher else None,
-        source_check=make_source_check(run, source, device),
+        source_check=make_source_check(run, source, device, mask),
         fast=config.fast,
     )
 
 
-def make_origin(run: Run, source: DuelingNetwork, env: ShipEnv, untrained: float) -> Origin:
+def make_mask(config: Config) -> Mask | None:
+    """Make the mask of a run, if it has one."""
+    if config.mask is None:
+        return None
+    # Imported here: numba takes half a second.
+    from ship_trl.policies.masks import load_mask
+
+    return load_mask(config.mask, config.world)
+
+
+def make_origin(
+    run: Run, source: DuelingNetwork, env: ShipEnv, untrained: float, mask: Mask | None
+) -> Origin:
     """Make what methods need of the source's function; `untrained` is an untrained network's return."""
     draw = env.observer(run.config.network)
     generator = Generator(device=env.device).manual_seed(run.stream("source's actions"))
     scale = run.config.learn.reward_scale
     # A source that this run trains has the run's own scale; of a file it is unknown.
     source_scale = scale if run.pretrained is None else REWARD_SCALE
-    reached = mean_return(rollout(env, greedy_policy(source, draw)))
+    reached = mean_return(rollout(env, greedy_policy(source, draw, mask)))
     if run.arm.method == "qdagger" and reached <= untrained:
         console.say(
             f"the source returns {reached:.1f} here, an untrained network {untrained:.1f}: it is not followed"
@@ -211,6 +226,8 @@ def measure_jumpstart(run: Run, algorithm: Algorithm, draw: Draw, eval_env: Ship
         return [mean_return(rollout(eval_env, algorithm.greedy))]
     starts, generator = (Generator().manual_seed(run.stream(name)) for name in ("draw starts", "jumpstart"))
     given: dict[str, Any] = {"num_envs": min(count, JUMPSTART_BATCH), "generator": starts}
+    if algorithm.mask is not None:
+        given["encoders"] = {ACTION_MASK: algorithm.mask}
     env = make_run_env(run, run.target, eval_env.device, **given)
     return jumpstart(env, draw, network, copied, count, generator)
 
@@ -268,11 +285,12 @@ class SourceCheck:
     env: ShipEnv
     draw: Draw
     learn: Learn
+    mask: Mask | None
     source_return: float = math.nan
 
     def measure(self, network: DuelingNetwork) -> float:
         """Return the mean greedy return of a network on the source."""
-        return mean_return(rollout(self.env, greedy_policy(network, self.draw)))
+        return mean_return(rollout(self.env, greedy_policy(network, self.draw, self.mask)))
 
     def add(self, row: Row, network: DuelingNetwork) -> Row:
         """Add the return on the source to the row of an evaluation of `network`, if it is due."""
@@ -294,7 +312,9 @@ def make_run_env(run: Run, suite: Suite, device: torch.device, **given: Any) -> 
     return make_env(suite, config.world, device=device, fast=config.fast, **given)
 
 
-def make_source_check(run: Run, source: Source | None, device: torch.device) -> SourceCheck | None:
+def make_source_check(
+    run: Run, source: Source | None, device: torch.device, mask: Mask | None
+) -> SourceCheck | None:
     """Make the check of a transfer on its source; None if the source is drawn or has other actions."""
     if source is None or run.source_suite is None:
         return None
@@ -305,7 +325,7 @@ def make_source_check(run: Run, source: Source | None, device: torch.device) -> 
     network.load_state_dict(dict(source.weights))
     starts = make_starts(suite, config.world).balanced(len(suite.cases), Generator())
     env = make_run_env(run, suite, device, starts=starts)
-    check = SourceCheck(env, env.observer(config.network), config.learn)
+    check = SourceCheck(env, env.observer(config.network), config.learn, mask)
     return replace(check, source_return=check.measure(network.to(device)))
 
 

@@ -73,7 +73,8 @@ class ShipEnv(EnvBase):
         from_pixels: whether to observe `pixels`.
         colour: whether the pixels are RGB (C = 3) instead of grey (C = 1).
         vector_time: time (s) whose way a ship's speed vector shows in the pixels; 0 draws none.
-        encoders: maps each further observation key to a function from states [N, S] to features [N, F].
+        encoders: maps each further observation key to a function from states [N, S] to features [N, F]; an
+            `action_mask` is one, bool [N, A].
         device: where to simulate.
         generator: random generator of the initial states, on the CPU; by default one with a random seed, so
             that parallel workers differ until `set_seed`.
@@ -150,7 +151,8 @@ class ShipEnv(EnvBase):
             observation["pixels"] = self.rasteriser.spec(shape)
         for key, encode in self._encoders.items():
             example = encode(self._starts.states[:1].to(device))[0]
-            observation[key] = Unbounded(shape=(*shape, *example.shape), dtype=example.dtype, device=device)
+            make = Binary if example.dtype is torch.bool else Unbounded
+            observation[key] = make(shape=(*shape, *example.shape), dtype=example.dtype, device=device)
         self.observation_spec = Composite(observation, shape=shape, device=device)
         self.state_spec = Composite(
             {key: observation[key].clone() for key in ("state", "dcpa")}, shape=shape, device=device

@@ -31,13 +31,14 @@ REUSED = "reused."
 def save_weights(
     path: Path, network: DuelingNetwork, about: Mapping[str, object], dtype: torch.dtype = torch.float32
 ) -> None:
-    """Write all weights as safetensors; the header holds `about` and the network's layers as JSON."""
+    """Write all weights as safetensors; the header holds `about`, the network's layers and mask as JSON."""
     # Contiguous copies, because safetensors does not support channels-last.
     tensors = {
         key: value.detach().to("cpu", dtype).contiguous() for key, value in network.state_dict().items()
     }
     with atomic_write(path) as draft:
         about = {**about, "network": describe_network(network.config)}
+        about |= {"mask": network.mask} if network.mask else {}
         write_tensors(draft, tensors, {"ship_trl": json.dumps(about, sort_keys=True)})
 
 
@@ -65,11 +66,13 @@ class Look(NamedTuple):
         network: its layers.
         colour: whether its pictures have colours.
         adds_source: whether it adds the Q-values of a second network, `DuelingNetwork.reused`.
+        mask: name of the mask under which it was trained, if there was one.
     """
 
     network: Network
     colour: bool
     adds_source: bool = False
+    mask: str | None = None
 
     @property
     def observes(self) -> str:
@@ -94,17 +97,19 @@ def read_look(path: Path, key: str) -> Look:
         shapes = {name: file.get_slice(name).get_shape() for name in file.keys()}  # noqa: SIM118
     try:
         about = json.loads(header)
-        network = load_network()
+        network: Network = load_network()
+        given: Any = str | None
+        mask = read_as(given, about.get("mask"), key="mask", from_json=True)
         if "network" in about:
             network = read_as(Network, about["network"], key="network", from_json=True)
             # Check shapes before allocating: a small file must not claim a large network.
             for name, shape in expected_shapes(network, shapes).items():
                 if shapes.get(name) != shape:
                     raise ConfigError(f"{name} has another shape")
-    except (ValueError, TypeError, RecursionError, ConfigError) as error:
+    except (ValueError, TypeError, AttributeError, RecursionError, ConfigError) as error:
         raise ConfigError(f"{key}: {path}: its header does not describe its network ({error})") from None
     colour = channels(shapes) == COLOURS
-    return Look(network, colour, any(name.startswith(REUSED) for name in shapes))
+    return Look(network, colour, any(name.startswith(REUSED) for name in shapes), mask)
 
 
 def channels(shapes: Mapping[str, list[int]]) -> int:

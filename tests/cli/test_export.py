@@ -106,6 +106,16 @@ def test_a_network_of_numbers_is_exported(tmp_path: Path, capsys: pytest.Capture
     torch.testing.assert_close(values(tmp_path / "vector.onnx", numbers, "vector"), made(numbers).detach())
 
 
+def test_a_mask_is_left_to_the_user(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    made = saved_numbers(tmp_path / "vector.safetensors")
+    made.mask = "rules"
+    save_weights(tmp_path / "vector.safetensors", made, {})
+    main(["vector.safetensors", "vector.onnx", "target=5"])
+    said = capsys.readouterr().out
+    assert "the same actions" in said
+    assert said.endswith("under the mask rules, which is left to you: evaluate vector.onnx+rules\n")
+
+
 def test_a_model_that_does_not_pass_is_not_written(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:

@@ -61,6 +61,8 @@ WRONG_VALUES = {
     "algorithm=ppo demonstrations=played": "demonstrations: must be left out with an algorithm",
     "algorithm=aggrevate demonstrations=played": "demonstrations: must be left out with an algorithm",
     "margin.rules=-1": "margin.rules: ",
+    "mask=shield": "mask: must be null, rules, module:function or file.py:function, of a module or file that",
+    "mask='none.py:make'": "mask: must be null, rules, module:function or file.py:function, of a module or",
     "algorithm=ppo learn.num_envs=1": "algorithm.minibatch_size: must be at most 32 (rollout_steps of",
     "algorithm=pupil": "algorithm.teacher: must be a safetensors file, a result folder, or pretrained:NAME",
     "world.actions=[[0.0,0.1],[-1.0,0.0]]": "world.actions: must be at most 100 of [v in m/s,",

@@ -1,5 +1,6 @@
 """A one-dimensional world, to test the learner without the simulator."""
 
+from collections.abc import Mapping
 from functools import partial
 from typing import Any
 
@@ -13,7 +14,7 @@ from ship_trl.config.types import BackendName, Learn, Loss, Network, Precision
 from ship_trl.fast.worlds import accelerator
 from ship_trl.learn.algorithm import Setup
 from ship_trl.learn.hooks import LearningHooks
-from ship_trl.learn.network import DuelingNetwork
+from ship_trl.learn.network import Draw, DuelingNetwork
 
 fast_setup = partial(Setup, accelerator=accelerator())
 
@@ -31,9 +32,9 @@ class Freezing(LearningHooks):
 class Corridor(EnvBase):
     """Action 1 goes right, others left; 4 to the right is the goal, 4 to the left a collision."""
 
-    def __init__(self, num_envs: int, limit: int = 12) -> None:
+    def __init__(self, num_envs: int, limit: int = 12, encoders: Mapping[str, Draw] | None = None) -> None:
         super().__init__(batch_size=torch.Size([num_envs]))
-        self.limit = limit
+        self.limit, self.encoders = limit, encoders or {}
         shape = self.batch_size
         flag = lambda: Binary(1, shape=(*shape, 1), dtype=torch.bool)  # noqa: E731
         self.observation_spec = Composite(
@@ -43,6 +44,10 @@ class Corridor(EnvBase):
             collision=flag(),
             shape=shape,
         )
+        for key, encode in self.encoders.items():
+            example = encode(torch.zeros(1, 2))[0]
+            make = Binary if example.dtype is torch.bool else Unbounded
+            self.observation_spec[key] = make(shape=(*shape, *example.shape), dtype=example.dtype)
         self.action_spec = Categorical(3, shape=shape)
         self.reward_spec = Unbounded(shape=(*shape, 1))
         self.done_spec = Composite(done=flag(), terminated=flag(), truncated=flag(), shape=shape)
@@ -53,6 +58,10 @@ class Corridor(EnvBase):
         no = torch.zeros((*self.batch_size, 1), dtype=torch.bool)
         values = {"state": torch.zeros(*self.batch_size, 2), "dcpa": torch.zeros(*self.batch_size, 1)}
         values |= {name: no.clone() for name in ("goal", "collision", "done", "terminated", "truncated")}
+        return self._encoded(values)
+
+    def _encoded(self, values: dict[str, Tensor]) -> TensorDict:
+        values |= {key: encode(values["state"]) for key, encode in self.encoders.items()}
         return TensorDict(values, batch_size=self.batch_size)
 
     def _step(self, tensordict: TensorDictBase) -> TensorDict:
@@ -64,7 +73,7 @@ class Corridor(EnvBase):
         values = {"state": state, "dcpa": state[:, :1].abs(), "goal": goal, "collision": collision}
         values |= {"reward": goal.float() * 100 - collision.float() * 100 - 1.0}
         values |= {"done": terminated | truncated, "terminated": terminated, "truncated": truncated}
-        return TensorDict(values, batch_size=self.batch_size)
+        return self._encoded(values)
 
 
 class Bars:

@@ -42,6 +42,7 @@ def test_a_source_file_is_known_by_its_content(tmp_path: Path) -> None:
         "colour=true",
         "network.vector_time=8",
         "observation=vector",
+        "mask=rules",
         "algorithm=n_step",
         "learn.lr=0.5",
         "learn.episodes=7",

@@ -103,6 +103,7 @@ ARMS = {
         *(*SCRATCH, "algorithm=ppo", "learn.num_envs=2", "algorithm.rollout_steps=40"),
         *("algorithm.minibatch_size=32", "algorithm.imitation_coeff=1"),
     ),
+    "a mask": (*SCRATCH, "mask=rules", "learn.jumpstart_draws=2"),
     "a pupil": (*SCRATCH, "algorithm=pupil", "algorithm.teacher=pretrained:4"),
     "features of three ships": ("+pair=high", "+arm=FE3", *SMALL, "learn.num_envs=3"),
     "a guide": ("+pair=high", "+arm=G3", *SMALL, "transfer.guide.period=1"),
@@ -114,7 +115,7 @@ ARMS = {
 
 
 # The others take longest and cover the least.
-QUICK = ("states", "a rollout")
+QUICK = ("states", "a rollout", "a mask")
 
 
 @pytest.fixture(scope="module")

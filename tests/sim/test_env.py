@@ -7,13 +7,18 @@ from collections.abc import Callable
 import pytest
 import torch
 from tensordict import TensorDictBase
-from torchrl.envs import EnvBase
+from tensordict.nn import TensorDictModule, TensorDictSequential
+from torch import Tensor
+from torchrl.envs import EnvBase, TransformedEnv
+from torchrl.envs.transforms import ActionMask
 from torchrl.envs.utils import check_env_specs
+from torchrl.modules import EGreedyModule, QValueModule
 
 from ship_trl.config.types import Margin, World
 from ship_trl.fast.worlds import make_env
 from ship_trl.sim.cases import Case, load_case
 from ship_trl.sim.env import ShipEnv
+from ship_trl.sim.state import STEP
 
 CASES = ["1", "6"]
 MakeCase = Callable[..., Case]
@@ -42,6 +47,26 @@ TIMEOUT = {"goal": False, "collision": False, "terminated": False, "truncated": 
 @pytest.mark.parametrize("pixels", [False, True])
 def test_torchrl_accepts_it(name: str, pixels: bool, world: World) -> None:
     check_env_specs(make_env(load_case(name, world), world, 2, from_pixels=pixels, colour=name == "6"))
+
+
+def test_torchrl_reads_its_mask(world: World) -> None:
+    def mask(state: Tensor) -> Tensor:
+        return torch.arange(7) != state[:, STEP, None] % 7
+
+    env = make_env(load_case("4", world), world, 3, encoders={"action_mask": mask})
+    check_env_specs(env)
+    networks = TensorDictModule(lambda state: state[:, :7], in_keys=["state"], out_keys=["action_value"])
+    rated = QValueModule("categorical", action_mask_key="action_mask")
+    explores = EGreedyModule(env.action_spec, eps_init=0.5, action_mask_key="action_mask")
+    masked = TransformedEnv(env, ActionMask())
+    for policy in (
+        None,
+        TensorDictSequential(networks, rated),
+        TensorDictSequential(networks, rated, explores),
+    ):
+        steps = masked.rollout(12, policy, break_when_any_done=False)
+        taken = steps["action_mask"].gather(-1, steps["action"][..., None])
+        assert bool(taken.all()) and not bool(steps["action_mask"].all())
 
 
 @pytest.mark.parametrize(("name", "cpa"), [("1", math.inf), ("2", 106), ("new", 85)])

@@ -119,6 +119,10 @@ def test_the_source_chooses_as_often_as_it_is_believed() -> None:
     assert float(guided.float().mean()) == pytest.approx(0.3, abs=4 * math.sqrt(0.3 * 0.7 / count))
     best = network(1)(draw(state)).argmax(-1)
     assert torch.equal(step["action"][guided], best[guided])
+    # Under a mask it names an allowed action.
+    step["action"], step["action_mask"] = torch.full((count,), -1), torch.arange(7) != best[:, None]
+    method.act(step, 0.5)
+    assert bool((step["action"] >= 0).any()) and not bool((step["action"] == best).any())
 
 
 def test_the_divergence_is_that_of_the_two_policies_and_fades() -> None:

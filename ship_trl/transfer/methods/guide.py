@@ -65,13 +65,14 @@ class Method(TransferMethod):
         """Replace `action` [N] by the source's best one, with the probability of the schedule."""
         import torch
 
+        from ship_trl.learn.masks import mask_of, mask_values
         from ship_trl.sim.state import STEP
 
         state, generator = step.get("state"), self._origin.generator
         chance = probability(self.settings, progress, state[..., STEP])
         guided = torch.rand(len(state), generator=generator, device=state.device) < chance
         if bool(guided.any()):
-            best = self._origin.q_values(state).argmax(-1)
+            best = mask_values(self._origin.q_values(state), mask_of(step)).argmax(-1)
             step.set("action", torch.where(guided, best, step.get("action")))
 
     def state_dict(self) -> dict[str, Tensor]:

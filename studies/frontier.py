@@ -19,6 +19,7 @@ from pathlib import Path
 import numpy as np
 
 from ship_trl.cli.parser import make_parser
+from ship_trl.config.errors import override
 from ship_trl.files.disk import atomic_write
 
 WEIGHTS = (0, 25, 50, 100, 200, 400)
@@ -30,16 +31,16 @@ SUITES = ("traffic_test", "traffic_dense", "traffic_reacting")
 RULES = (8, 13, 14, 15, 16)
 
 
-def train(folder: Path) -> None:
-    """Make the missing runs, and exit if one fails."""
-    for weight in WEIGHTS:
-        words = *WORDS, f"margin.rules={weight}", f"output={folder / str(weight)}"
-        if code := subprocess.run([sys.executable, "-m", "ship_trl", *words], check=False).returncode:
+def train(runs: dict[Path, tuple[str, ...]]) -> None:
+    """Make the missing runs, each of some words in a folder, and exit if one fails."""
+    for folder, words in runs.items():
+        command = [sys.executable, "-m", "ship_trl", *words, override("output", folder)]
+        if code := subprocess.run(command, check=False).returncode:
             sys.exit(code)
 
 
-def measure(folder: Path) -> dict[str, float]:
-    """Return a run's success on each suite, and on the first of them what is said of the rules."""
+def measure(policy: str) -> dict[str, float]:
+    """Return a policy's success on each suite, and on the first of them what is said of the rules."""
     import ship_trl
     from ship_trl.fast.worlds import draw_starts, make_env
     from ship_trl.learn.rollout import rollout
@@ -50,7 +51,7 @@ def measure(folder: Path) -> dict[str, float]:
     for name in SUITES:
         suite = load_suite(name, world)
         env = make_env(suite, world, starts=draw_starts(suite, world, len(suite.cases) or 500, 0))
-        episodes = rollout(env, ship_trl.load_policy(str(folder)))
+        episodes = rollout(env, ship_trl.load_policy(policy))
         row[name] = sum(one.goal for one in episodes) / len(episodes)
         if name == SUITES[0]:
             found = measure_episodes(episodes, world)
@@ -85,10 +86,10 @@ def main() -> None:
     parser.add_argument("folder", type=Path, nargs="?", default=Path("outputs/frontier"), help="of the runs")
     folder = parser.parse_args().folder
     os.environ["MPLBACKEND"] = "agg"
-    train(folder)
+    train({folder / str(weight): (*WORDS, f"margin.rules={weight}") for weight in WEIGHTS})
     import pandas as pd
 
-    rows = [{"weight": float(weight)} | measure(folder / str(weight)) for weight in WEIGHTS]
+    rows = [{"weight": float(weight)} | measure(str(folder / str(weight))) for weight in WEIGHTS]
     table = pd.DataFrame(rows)
     with atomic_write(folder / "frontier.csv") as draft:
         table.to_csv(draft, index=False, float_format="%.4f")

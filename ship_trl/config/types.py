@@ -167,18 +167,21 @@ class Margin:
 
     A step that passes a target ship inside `distance` (m) costs up to `penalty`: nothing at `distance`, all
     of it at the safe distance. Keeping the steering rules earns at most `rules` an episode
-    (`sim.rules`).
+    (`sim.rules`). A collision costs `collision` more: it ends the episode, so it must cost more than all
+    that is then no longer paid for near passes and broken rules.
     """
 
     distance: bounds.Bound = 0.0
     penalty: bounds.Bound = 0.0
     rules: bounds.Bound = 0.0
+    collision: bounds.Bound = 0.0
 
 
 def describe_margin(margin: Margin) -> dict[str, float]:
     """Return what a margin adds, as a digest of runs names it."""
     near = {"distance": margin.distance, "penalty": margin.penalty} if margin.penalty else {}
-    return near | ({"rules": margin.rules} if margin.rules else {})
+    others = {"rules": margin.rules, "collision": margin.collision}
+    return near | {key: value for key, value in others.items() if value}
 
 
 @dataclass

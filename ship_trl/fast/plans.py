@@ -206,7 +206,7 @@ def follow(
     straight: int,
     limits: Array,
     amounts: tuple[float, ...],
-    extra: tuple[float, float, float],
+    extra: tuple[float, float, float, float],
     tracked: tuple[float, tuple[float, float, float, float]],
     gamma: float,
 ) -> tuple[int, float]:
@@ -216,7 +216,7 @@ def follow(
     """
     dt, safe, to_goal, max_steps = limits[:4]
     left_speed, left_turn, mean_speed, mean_turn = limits[4:8]
-    margin, penalty, rules = extra
+    margin, penalty, rules, sunk = extra
     width = max(margin - safe, np.float32(1e-6))
     x, y, heading, speed, yaw = row[X], row[Y], row[HEADING], row[SPEED], row[YAW_RATE]
     cos, sin = math.cos(heading), math.sin(heading)
@@ -251,6 +251,8 @@ def follow(
         earned = step_reward(amounts, paid)
         if penalty > 0:
             earned -= penalty * min(max((margin - nearest) / width, 0.0), 1.0)
+        if collided:
+            earned -= sunk
         if nearing:
             slowed = abs(speed / tracked[0] - 1)
             now = x, y, heading, speed * cos, speed * sin
@@ -273,7 +275,7 @@ def plan_values(
     straight: int,
     limits: Array,
     amounts: tuple[float, ...],
-    extra: tuple[float, float, float],
+    extra: tuple[float, float, float, float],
     tracked: tuple[float, tuple[float, float, float, float]],
     gamma: float,
     values: Array,
@@ -287,7 +289,7 @@ def plan_values(
         straight: the action that goes straight on.
         limits: those of `fast.step.constants`.
         amounts: those of the world's rewards.
-        extra: distance, penalty and rules of the margin.
+        extra: distance, penalty, rules and collision of the margin.
         tracked: speed of going straight, and when an encounter begins and ends.
         gamma: discount of a step.
         values: written.
@@ -339,7 +341,7 @@ class PlanValues:
             straight,
             constants(world).astype(np.float64),
             reward_amounts(world.reward),
-            (margin.distance, margin.penalty, margin.rules),
+            (margin.distance, margin.penalty, margin.rules, margin.collision),
             (float(tracker.cruise), tuple(map(float, tracker.limits))),
             float(gamma),
         )

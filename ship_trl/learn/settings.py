@@ -5,7 +5,7 @@ A line in `READS` gives an algorithm's module its settings, which are checked be
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 from typing import Annotated, Any
 
 from pydantic import Field
@@ -15,7 +15,7 @@ from ship_trl.config.checks import TRANSITION_BYTES, Reads, check_bytes
 from ship_trl.config.errors import require
 from ship_trl.config.paths import is_path
 from ship_trl.config.schema import rule
-from ship_trl.config.types import Learn
+from ship_trl.config.types import Learn, Margin
 
 TEACHERS = "a safetensors file, a result folder, or pretrained:NAME"
 TeacherName = Annotated[Any, rule(TEACHERS, lambda name: isinstance(name, str) and is_path(name))]
@@ -114,6 +114,6 @@ READS = {
     "pupil": Reads(
         Pupil,
         is_distilled=True,
-        ignored=("learn.loss", "learn.gamma", "margin.distance", "margin.penalty", "margin.rules"),
+        ignored=("learn.loss", "learn.gamma", *(f"margin.{one.name}" for one in fields(Margin))),
     ),
 }

@@ -214,6 +214,8 @@ class ShipEnv(EnvBase):
         if self.margin.rules:
             paid = rule_payment(before, state, self.world.safe_distance)
             reward = reward + self.margin.rules * paid.unsqueeze(-1)
+        if self.margin.collision:
+            reward = reward - self.margin.collision * after.collision.unsqueeze(-1)
         return TensorDict(
             self._observe(state)
             | {

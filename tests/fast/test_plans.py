@@ -25,7 +25,7 @@ COUNT = 40
 def test_values_are_returns_of_episodes(name: str, changes: dict[str, float]) -> None:
     world, margin, generator = (
         load_world(changes),
-        Margin(65.0, 30.0, 100.0),
+        Margin(65.0, 30.0, 100.0, 300.0),
         torch.Generator().manual_seed(0),
     )
     suite = load_suite(name, world)

@@ -165,12 +165,13 @@ def test_it_can_be_pickled(fast: bool, world: World) -> None:
 
 def test_a_margin_costs_near_passes_and_nothing_else(world: World) -> None:
     case = load_case("4", world)
-    margin = Margin(distance=65.0, penalty=30.0)
+    margin = Margin(distance=65.0, penalty=30.0, collision=50.0)
     plain, shaped = (repeat_action(make_env(case, world, margin=one), 3) for one in (None, margin))
     costs = [float(one["reward"] - other["reward"]) for one, other in zip(plain, shaped, strict=True)]
     assert all(torch.equal(one["state"], other["state"]) for one, other in zip(plain, shaped, strict=True))
     # The least distance so far is that of the step as long as the ships come nearer.
     for cost, step in zip(costs, shaped, strict=True):
         near = (65.0 - float(step["dcpa"])) / 20.0
+        cost -= 50.0 * bool(step["collision"])
         assert cost == pytest.approx(30.0 * min(max(near, 0.0), 1.0), abs=1e-3)
-    assert costs[0] == 0.0 and costs[-1] == 30.0
+    assert costs[0] == 0.0 and costs[-1] == 80.0

@@ -195,11 +195,11 @@ def show_candidates(target: Case, found: list[Candidate], by: str) -> None:
     """Print the first sources for a target with their expected gains."""
     rows = []
     for one in found[:MAX_SHOWN]:
-        gain, low, high = (f"{value:+.2f}" for value in one.expected[:3])
+        gain = f"{one.expected.gain:+.2f}"
         score = "" if one.zero_shot is None else f"{one.zero_shot:.2f}"
         measured = (f"{value:.2f}" for value in one.measured.values())
-        rows.append((one.case.name, gain, f"{low} to {high}", *measured, score, one.network))
-    headings = ("source", "expected gain", "interval", *MEASURES, "score before training", "network")
+        rows.append((one.case.name, gain, *measured, score, one.network))
+    headings = ("source", "expected gain", *MEASURES, "score before training", "network")
     show(headings, rows, title=f"Sources for case {target.name}, by {by}")
 
 
@@ -224,7 +224,7 @@ def recommend(target: Case, given: list[str], found: list[Candidate], known: lis
     else:
         first = max(found, key=lambda one: one.expected.gain)
         gain, low, high, constant, quality, difficulty, closeness = first.expected
-        what = f"expected gain {gain:+.2f} ({low:+.2f} to {high:+.2f} for 90 % of pairs)"
+        what = f"expected gain {gain:+.2f} ({low:+.2f} to {high:+.2f} in nine of ten runs)"
         score = "its network must be trained first, for four runs' time"
         if first.zero_shot is not None:
             score = f"its network scores {first.zero_shot:.2f} there before training"
@@ -237,6 +237,7 @@ def recommend(target: Case, given: list[str], found: list[Candidate], known: lis
         words += (
             f"\nWhy: a mean pair gains {constant:+.2f}, this target {difficulty:+.2f}, this source "
             f"{quality:+.2f}, closeness {closeness:+.2f} ({apart}; {score})\n"
-            "Gains are in mean greedy score, over scratch, where numbers are observed: studies/law/README.md"
+            "Gains are in mean greedy score over scratch, as in runs of 12,000 steps that observe numbers; "
+            "from pixels trust their order alone (studies/law/README.md)"
         )
     sys.stdout.write("".join(f"{line}\n" for line in (words, *lines)))

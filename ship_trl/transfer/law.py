@@ -22,7 +22,7 @@ from ship_trl.transfer.similarity import MEASURES, characteristics
 ARM = "FTW"
 FILE = Path(__file__).parent / "law.json"
 # Columns of the fits: what describes a case, and the measures of two cases that the kept tables have.
-OF_CASE = ("target ships", "goal distance", "danger", "tcpa", "straight")
+OF_CASE = ("target ships", "danger", "tcpa", "straight")
 OF_CASES = ("similarity", "distance", "side", "ships")
 ZERO_SHOT = "zero_shot"
 SOURCE, TARGET = "source: ", "target: "
@@ -37,7 +37,7 @@ class Column(NamedTuple):
 
 
 class Expected(NamedTuple):
-    """An expected gain, its 90 % interval, and the terms that add up to it with the constant."""
+    """An expected gain, the 90 % interval of a run on a new target, and the terms that add up to the gain."""
 
     gain: float
     low: float
@@ -50,13 +50,13 @@ class Expected(NamedTuple):
 
 @dataclass(frozen=True)
 class Law:
-    """A fit: its columns, effects of known cases by fingerprint, and the bounds of 90 % of its errors."""
+    """A fit: its columns, effects of known cases by fingerprint, and how far 90 % intervals reach."""
 
     constant: float
     columns: dict[str, Column]
     sources: dict[str, float]
     targets: dict[str, float]
-    errors: tuple[float, float]
+    reach: float
 
     def expect(self, source: Case, target: Case, values: Mapping[str, float]) -> Expected:
         """Return the expected gain from the columns of `describe`, and `zero_shot` if the fit has it."""
@@ -71,8 +71,9 @@ class Law:
             else:
                 closeness += part
         gain = self.constant + quality + difficulty + closeness
-        low, high = (gain + error for error in self.errors)
-        return Expected(gain, low, high, self.constant, quality, difficulty, closeness)
+        return Expected(
+            gain, gain - self.reach, gain + self.reach, self.constant, quality, difficulty, closeness
+        )
 
 
 @cache

@@ -4,6 +4,7 @@ plan.md has the rules. It takes most of a minute.
 
 Writes:
     studies/law/README.md         the tables between its marks
+    studies/law/tables.md         more tables
     outputs/law/                  predicted and measured gains, regrets, a picture
     ship_trl/transfer/law.json    coefficients that `ship_trl cases` recommends by
 """

@@ -18,8 +18,8 @@ from sklearn.gaussian_process.kernels import RBF, ConstantKernel
 from sklearn.linear_model import LinearRegression
 
 from ship_trl.transfer.law import ARM, ZERO_SHOT
-from studies.law.data import LAW, LAW_OF_CASES, TRAINED, Data, Floats
-from studies.law.model import Model
+from studies.law.data import TRAINED, Data, Floats
+from studies.law.model import CASES_ONLY, LAW_RULE, MODELS, ON_COMMAND, Model
 from studies.sources.judge import elsewhere
 
 MOST = 5
@@ -27,8 +27,10 @@ MOST = 5
 PAIRS = ("1", "3", "5", "2", "4")
 # Of the published Gaussian process.
 NOISE = 0.1
-RANDOM, HINDSIGHT, MEASURED, LAW_RULE = "random", "hindsight", "measured", "law"
+RANDOM, HINDSIGHT, MEASURED = "random", "hindsight", "measured"
 PUBLISHED = ("zero-shot", "equation 8", "equation 7", "paper's pairs", "MBTL", "SD-MBTL")
+# They say which to train, not which of the trained to take: that is the zero-shot score, or equation 8.
+ONLY_SETS = ("paper's pairs", "MBTL", "SD-MBTL", "SD-MBTL, L1")
 
 
 class Rule(NamedTuple):
@@ -36,6 +38,13 @@ class Rule(NamedTuple):
 
     orders: list[list[int]]
     values: Floats
+
+    def sets(self, size: int) -> list[list[int]]:
+        """Return for each held-out target the first sources, or all others where so many are wanted."""
+        if size <= MOST:
+            return [order[:size] for order in self.orders]
+        every = range(len(self.values))
+        return [[case for case in every if case != held] for held in every]
 
 
 def greedy(values: Floats, without: int) -> list[int]:
@@ -50,71 +59,90 @@ def greedy(values: Floats, without: int) -> list[int]:
     return order
 
 
-def sequential(data: Data, without: int, *, detects: bool) -> list[int]:
-    """Return sources in the order of MBTL, or of SD-MBTL if it `detects` structure."""
-    contexts = data.contexts
-    apart = np.linalg.norm(contexts[:, None] - contexts, axis=-1)
+def mbtl(data: Data, columns: Mapping[str, Floats], without: int) -> list[int]:
+    """Return sources in the order of MBTL: upper bounds of training scores, less what distance costs."""
+    apart = np.linalg.norm(data.contexts[:, None] - data.contexts, axis=-1)
     # By source and target: zero-shot scores, and what the source has learned on its own case.
-    scores = data.columns[ZERO_SHOT].T.copy()
-    np.fill_diagonal(scores, np.nanmax(data.columns[TRAINED], 0))
-    free = [case for case in range(data.count) if case != without]
-    order = [min(free, key=lambda case: float(apart[case].sum()))]
+    scores = columns[ZERO_SHOT].T.copy()
+    np.fill_diagonal(scores, np.nanmax(columns[TRAINED], 0))
+    order = clusters(apart, without)[:1]
     while len(order) < MOST:
         known = scores[order]
-        lost = np.diagonal(known[:, order])[:, None] - known
-        if detects and (len(order) == 1 or is_quality_constant(known, order)):
-            nearest = apart[order].min(0)
-            worth = [-np.minimum(nearest, apart[case]).sum() for case in range(data.count)]
-        else:
-            steps = np.abs(contexts[order][:, None] - contexts) if detects else apart[order][..., None]
-            slope = LinearRegression(fit_intercept=False, positive=True)
-            slope.fit(steps.reshape(lost.size, -1), lost.ravel())
-            steps = np.abs(contexts[:, None] - contexts) if detects else apart[..., None]
-            process = GaussianProcessRegressor(ConstantKernel() * RBF(), alpha=NOISE**2)
-            with warnings.catch_warnings():
-                # So few points leave a length at its bound.
-                warnings.simplefilter("ignore", ConvergenceWarning)
-                process.fit(contexts[order], np.diagonal(known[:, order]))
-            mean, deviation = process.predict(contexts, return_std=True)
-            upper = mean + np.sqrt(np.log(len(order) + 1)) * deviation
-            worth = np.maximum(upper[:, None] - steps @ slope.coef_ - known.max(0), 0).mean(1)
-        order.append(max((case for case in free if case not in order), key=lambda case: float(worth[case])))
+        own = np.diagonal(known[:, order])
+        slope = LinearRegression(fit_intercept=False, positive=True)
+        slope.fit(apart[order].reshape(-1, 1), (own[:, None] - known).ravel())
+        process = GaussianProcessRegressor(ConstantKernel() * RBF(), alpha=NOISE**2)
+        # So few points leave a length at its bound.
+        with warnings.catch_warnings(action="ignore", category=ConvergenceWarning):
+            process.fit(data.contexts[order], own)
+        mean, deviation = process.predict(data.contexts, return_std=True)
+        upper = mean + np.sqrt(np.log(len(order) + 1)) * deviation
+        worth = np.maximum(upper[:, None] - slope.coef_ * apart - known.max(0), 0).mean(1)
+        worth[[*order, without]] = -np.inf
+        order.append(int(worth.argmax()))
     return order
 
 
-def is_quality_constant(known: Floats, order: Sequence[int]) -> bool:
-    """Return whether sources [k, targets] differ less on their own case than over targets."""
-    left = known - known.mean(0)
-    own = left[np.arange(len(order)), order]
-    return bool(own.std() < left.std(1).mean())
+def clusters(apart: Floats, without: int) -> list[int]:
+    """Return sources in the order in which each reduces the sum of all cases' distances to a source most.
+
+    SD-MBTL does this where the quality of sources is constant, as in these tables (README.md). A source is at
+    no distance from its own case.
+    """
+    nearest, order = np.full(len(apart), np.inf), list[int]()
+    while len(order) < MOST:
+        left = np.minimum(nearest, apart).sum(1)
+        left[[*order, without]] = np.inf
+        order.append(int(left.argmin()))
+        nearest = np.minimum(nearest, apart[order[-1]])
+    return order
 
 
-def make_rules(data: Data, predicted: Mapping[str, Floats]) -> dict[str, Rule]:
-    """Make all rules but `RANDOM` and `HINDSIGHT`; `predicted` are gains of pairs that are both new."""
-    gains, columns = data.gains[ARM], data.columns
+def make_all_rules(data: Data) -> list[dict[str, Rule]]:
+    """Make the rules for each judging seed, from the networks and gains of the other seeds alone."""
+    every = range(len(data.gains[ARM]))
+    others = [[seed for seed in every if seed != judging] for judging in every]
+    gains = np.stack([data.gains[ARM][seeds].mean(0) for seeds in others])
+    # Its columns are those of all seeds.
+    of_cases = Model(data.columns(), MODELS[CASES_ONLY], gains)
+    both, thirds = of_cases.new_cases(), of_cases.new_cases_and()
+    found = []
+    for at, seeds in enumerate(others):
+        rules = make_rules(data, data.columns(seeds), gains[at])
+        orders = [greedy(thirds[held, at], held) for held in range(data.count)]
+        found.append({**rules, CASES_ONLY: Rule(orders, both[at])})
+    return found
+
+
+def make_rules(data: Data, columns: Mapping[str, Floats], gains: Floats) -> dict[str, Rule]:
+    """Make the rules from columns and gains [targets, sources]; `RANDOM` and `HINDSIGHT` need none."""
     targets = range(data.count)
-    rules = {}
-    for name, names in {LAW_RULE: LAW, "law of cases": LAW_OF_CASES}.items():
-        thirds = Model(columns, names, gains.mean(0)[None]).new_cases_and()
-        rules[name] = Rule([greedy(thirds[held], held) for held in targets], predicted[name])
+    law, command = (Model(columns, MODELS[name], gains[None]) for name in (LAW_RULE, ON_COMMAND))
+    both, thirds = law.new_cases()[0], law.new_cases_and()[:, 0]
+    rules = {LAW_RULE: Rule([greedy(thirds[held], held) for held in targets], both)}
+    # Only picks one of all: it chooses no sets.
+    rules[ON_COMMAND] = Rule([[]] * data.count, command.new_cases()[0])
     plain = {"zero-shot": ZERO_SHOT, "equation 8": "similarity", "equation 7": "distance"}
     for name, column in plain.items():
         rules[name] = Rule([greedy(columns[column], held) for held in targets], columns[column])
     places = [list(data.cases).index(name) for name in PAIRS]
     pairs = [[place for place in places if place != held] for held in targets]
     rules["paper's pairs"] = Rule(pairs, columns["similarity"])
-    for name, detects in {"MBTL": False, "SD-MBTL": True}.items():
-        orders = [sequential(data, held, detects=detects) for held in targets]
-        rules[name] = Rule(orders, columns[ZERO_SHOT])
-    others = [np.where(np.arange(data.count)[:, None] == held, np.nan, gains.mean(0)) for held in targets]
-    rules[MEASURED] = Rule([greedy(values, held) for held, values in enumerate(others)], elsewhere(gains))
+    rules["MBTL"] = Rule([mbtl(data, columns, held) for held in targets], columns[ZERO_SHOT])
+    for name, order in {"SD-MBTL": 2, "SD-MBTL, L1": 1}.items():
+        apart = np.linalg.norm(data.contexts[:, None] - data.contexts, ord=order, axis=-1)
+        rules[name] = Rule([clusters(apart, held) for held in targets], columns[ZERO_SHOT])
+    others = [np.where(np.arange(data.count)[:, None] == held, np.nan, gains) for held in targets]
+    rules[MEASURED] = Rule(
+        [greedy(values, held) for held, values in enumerate(others)], elsewhere(gains[None])
+    )
     return rules
 
 
-def all_regrets(gains: Floats, rules: Mapping[str, Rule]) -> dict[tuple[str, int, bool], Floats]:
+def all_regrets(gains: Floats, rules: Sequence[Mapping[str, Rule]]) -> dict[tuple[str, int, bool], Floats]:
     """Return regrets [judging seed, target] by rule, number of sources, and whether each source is tried.
 
-    With 28 sources there is nothing to choose: a rule picks one of all.
+    `rules` has those for each judging seed. With 28 sources there is nothing to choose: a rule picks one.
     """
     count = gains.shape[-1]
     found: dict[tuple[str, int, bool], Floats] = {}
@@ -127,13 +155,11 @@ def all_regrets(gains: Floats, rules: Mapping[str, Rule]) -> dict[tuple[str, int
         ) -> None:
             found.setdefault((rule, size, tried), np.full(gains.shape[:2], np.nan))[seed] = best - value
 
-        for name, (orders, values) in rules.items():
-            sizes = range(1, MOST + 1) if orders[0] else ()
+        for name, rule in rules[seed].items():
+            sizes = range(1, MOST + 1) if rule.orders[0] else ()
             for size in (*sizes, count - 1):
-                sets = [order[:size] for order in orders]
-                if size > MOST:
-                    sets = [[case for case in range(count) if case != held] for held in range(count)]
-                note(name, size, False, pick(values, judged, sets))
+                sets = rule.sets(size)
+                note(name, size, False, pick(rule.values, judged, sets))
                 if size <= MOST:
                     note(name, size, True, pick(known, judged, sets))
         ranked = np.take_along_axis(judged, np.argsort(-known, 1), 1)[:, :-1]

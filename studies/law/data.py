@@ -5,6 +5,7 @@ Matrices are [targets, sources], NaN where source and target are one case.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from itertools import permutations
 
@@ -40,7 +41,8 @@ class Data:
         contexts: characteristics of equation 7, [cases, 6].
         gains: [seeds, targets, sources] by arm.
         scratch: areas [targets, seeds] from scratch.
-        columns: matrices by name; measures are larger for more similar.
+        of_cases: columns that need nothing trained, matrices by name; measures are larger for more similar.
+        of_networks: those of the networks of each seed, [seeds, targets, sources].
         seconds: processor time of each measure, of a pair.
         runs: all runs.
     """
@@ -49,7 +51,8 @@ class Data:
     contexts: Floats
     gains: dict[str, Floats]
     scratch: Floats
-    columns: dict[str, Floats]
+    of_cases: dict[str, Floats]
+    of_networks: dict[str, Floats]
     seconds: dict[str, float]
     runs: pd.DataFrame
 
@@ -57,6 +60,10 @@ class Data:
     def count(self) -> int:
         """Number of cases."""
         return len(self.cases)
+
+    def columns(self, seeds: Sequence[int] | slice = slice(None)) -> dict[str, Floats]:
+        """Return all columns, as means over the networks of seeds."""
+        return self.of_cases | {name: each[seeds].mean(0) for name, each in self.of_networks.items()}
 
 
 def read(name: str) -> Data:
@@ -71,10 +78,10 @@ def read(name: str) -> Data:
     gains = {arm: one for (arm, kind), one in make_gains(runs, setting.cases).items() if kind == "area"}
     cases = {case: load_case(case, world) for case in setting.cases}
     contexts = np.array([list(characteristics(case, world).values()) for case in cases.values()])
-    columns = {column: np.full((count, count), np.nan) for column in LAW_OF_CASES}
+    of_cases = {column: np.full((count, count), np.nan) for column in LAW_OF_CASES}
     for source, target in permutations(cases.values(), 2):
         for column, value in describe(source, target, world).items():
-            columns[column][place[target.name], place[source.name]] = value
+            of_cases[column][place[target.name], place[source.name]] = value
     best = runs[(runs["source"] == "") & (runs["length"] == setting.source_length)]
     scores = [
         (max(map(float, words.split())) - low) / (high - low)
@@ -82,6 +89,8 @@ def read(name: str) -> Data:
             best["greedy"], best["random"].astype(float), best["best_known"].astype(float), strict=True
         )
     ]
-    learned = best.assign(score=scores).groupby("target")["score"].mean().loc[list(place)].to_numpy()
-    columns[TRAINED] = np.where(np.eye(count, dtype=bool), np.nan, learned[None, :])
-    return Data(cases, contexts, gains, scratch, columns | measures, seconds, runs)
+    learned = best.assign(score=scores).pivot_table(index="seed", columns="target", values="score")[
+        list(place)
+    ]
+    measures[TRAINED] = np.where(np.eye(count, dtype=bool), np.nan, learned.to_numpy()[:, None])
+    return Data(cases, contexts, gains, scratch, of_cases, measures, seconds, runs)

@@ -4,32 +4,40 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
 from itertools import combinations, permutations
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from sklearn.linear_model import Ridge
-from sklearn.preprocessing import StandardScaler
 
 from ship_trl.study.statistics import Estimate
 from studies.law.data import CASES, COMMAND, LAW, LAW_OF_CASES, OF_CASES, OF_SOURCE, ORACLES, Data, Floats
 
 PENALTY = 10.0
+CONSTANT = 1e-9
 DRAWS, SEED, SCRATCH_HALF = 2000, 0, 5
+NULL, CASES_ONLY, ON_COMMAND, LAW_RULE = "additive", "law of cases", "law of the command", "law"
 MODELS: dict[str, tuple[str, ...]] = {
-    "additive": CASES,
+    NULL: CASES,
     **{f"additive + {name}": (*CASES, name) for name in (*OF_CASES, *OF_SOURCE, *ORACLES)},
-    "law of cases": LAW_OF_CASES,
-    "law of the command": COMMAND,
-    "the law": LAW,
+    CASES_ONLY: LAW_OF_CASES,
+    ON_COMMAND: COMMAND,
+    LAW_RULE: LAW,
     "oracle": (*LAW, *ORACLES),
 }
 
 
 class Fit(NamedTuple):
-    """A fitted model: scales of its columns, and the regression on them and on indicators."""
+    """A fitted model: means and deviations of its columns, and the regression on them and on indicators."""
 
-    scaler: StandardScaler
+    mean: Floats
+    scale: Floats
     ridge: Ridge
+
+    def predict(self, values: Floats, indicators: Floats) -> Floats:
+        """Return what is predicted of rows, [rows, arms]."""
+        found: Floats = self.ridge.predict(np.hstack([(values - self.mean) / self.scale, indicators]))
+        # One arm alone has no axis of its own.
+        return found.reshape(len(values), -1)
 
 
 class Model:
@@ -38,51 +46,67 @@ class Model:
     def __init__(self, columns: Mapping[str, Floats], names: Sequence[str], gains: Floats) -> None:
         self.count = gains.shape[-1]
         self.target, self.source = np.nonzero(~np.eye(self.count, dtype=bool))
-        self.values = np.stack([columns[name][self.target, self.source] for name in names], 1)
-        one = np.eye(self.count)
-        self.indicators = np.hstack([one[self.source], one[self.target]])
+        self.names = names
+        self.values = self.take(columns)
+        one = np.eye(self.count, dtype=bool)
+        self.is_source, self.is_target = one[self.source], one[self.target]
+        self.indicators = np.hstack([self.is_source, self.is_target]).astype(float)
         self.gains = gains[:, self.target, self.source].T
 
-    def fit(self, rows: np.ndarray | slice = slice(None)) -> Fit:
+    def fit(self, rows: Any = slice(None)) -> Fit:
         """Fit to rows."""
-        scaler = StandardScaler().fit(self.values[rows])
-        inputs = np.hstack([scaler.transform(self.values[rows]), self.indicators[rows]])
-        return Fit(scaler, Ridge(PENALTY).fit(inputs, self.gains[rows]))
+        values = self.values[rows]
+        # StandardScaler takes as long as the regression. Without some cases all others have one TCPA.
+        mean, scale = values.mean(0), values.std(0)
+        scale[scale < CONSTANT] = 1.0
+        inputs = np.hstack([(values - mean) / scale, self.indicators[rows]])
+        return Fit(mean, scale, Ridge(PENALTY).fit(inputs, self.gains[rows]))
 
-    def predict_without(self, held: Sequence[int], at: np.ndarray, found: Floats) -> None:
-        """Write predictions of rows into `found`, by a fit without the rows of the `held` cases."""
-        scaler, ridge = self.fit(~(np.isin(self.target, held) | np.isin(self.source, held)))
-        inputs = np.hstack([scaler.transform(self.values[at]), self.indicators[at]])
-        found[:, self.target[at], self.source[at]] = ridge.predict(inputs).T
+    def fit_without(self, held: Sequence[int]) -> Fit:
+        """Fit to the rows without the `held` cases."""
+        return self.fit(~(self.is_target[:, held] | self.is_source[:, held]).any(1))
+
+    def take(self, columns: Mapping[str, Floats]) -> Floats:
+        """Return the values of all rows, [rows, columns]."""
+        return np.stack([columns[name][self.target, self.source] for name in self.names], 1)
+
+    def predict_without(self, held: Sequence[int], at: np.ndarray, found: Floats, values: Floats) -> None:
+        """Write predictions of rows with `values` into `found`, by a fit without the `held` cases."""
+        predicted = self.fit_without(held).predict(values[at], self.indicators[at])
+        found[:, self.target[at], self.source[at]] = predicted.T
 
     def new_targets(self) -> Floats:
         """Predict each target by a fit without its case, [arms, targets, sources]."""
         found = np.full((self.gains.shape[1], self.count, self.count), np.nan)
         for target in range(self.count):
-            self.predict_without([target], np.flatnonzero(self.target == target), found)
+            self.predict_without([target], np.flatnonzero(self.target == target), found, self.values)
         return found
 
-    def new_cases(self) -> Floats:
-        """Predict each pair by a fit without both cases, [arms, targets, sources]."""
+    def new_cases(self, columns: Mapping[str, Floats] | None = None) -> Floats:
+        """Predict each pair by a fit without both cases, [arms, targets, sources]; also of other columns."""
+        values = self.values if columns is None else self.take(columns)
         found = np.full((self.gains.shape[1], self.count, self.count), np.nan)
         for one, other in combinations(range(self.count), 2):
             at = np.array([self.row(one, other), self.row(other, one)])
-            self.predict_without([one, other], at, found)
+            self.predict_without([one, other], at, found, values)
         return found
 
     def new_cases_and(self) -> Floats:
-        """Predict each pair without both cases and a third, [third, targets, sources], for the first arm."""
-        found = np.full((self.count,) * 3, np.nan)
+        """Predict each pair without both cases and a third, [third, arms, targets, sources].
+
+        Where the third is the target itself, that is `new_cases`.
+        """
+        found = np.full((self.count, self.gains.shape[1], self.count, self.count), np.nan)
         for held in combinations(range(self.count), 3):
             pairs = list(permutations(held, 2))
-            values = np.full((self.gains.shape[1], self.count, self.count), np.nan)
-            self.predict_without(held, np.array([self.row(*pair) for pair in pairs]), values)
-            for target, source in pairs:
+            at = np.array([self.row(*pair) for pair in pairs])
+            predicted = self.fit_without(held).predict(self.values[at], self.indicators[at])
+            for (target, source), gains in zip(pairs, predicted, strict=True):
                 (third,) = {*held} - {target, source}
-                found[third, target, source] = values[0, target, source]
-        both = self.new_cases()[0]
+                found[third, :, target, source] = gains
+        both = self.new_cases()
         for case in range(self.count):
-            found[case, case] = both[case]
+            found[case, :, case] = both[:, case]
         return found
 
     def row(self, target: int, source: int) -> int:

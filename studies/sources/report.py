@@ -55,7 +55,10 @@ def report(options: Namespace) -> None:
         ) as pool:
             made = pool.map(partial(measure, setting, folder), *jobs)
             write_csv(table, [row for rows in made for row in rows])
-    values, seconds = read_measures(table, setting.cases, setting.seeds)
+    by_seed, seconds = read_measures(table, setting.cases, setting.seeds)
+    # The kept table has these roundings, which decide between sources that tie.
+    pairs = len(setting.cases) * (len(setting.cases) - 1)
+    values = {name: each.sum(0) * pairs / (pairs * setting.seeds) for name, each in by_seed.items()}
     judged = {arm: one for arm, one in areas.items() if judge.reliability(one)[0] > judge.MIN_RELIABILITY}
     show_arms(gains, areas, options.markdown)
     picture = folder.with_suffix(".png")
@@ -116,7 +119,7 @@ def known(folder: Path, case: str, seed: int) -> Known:
 def read_measures(
     path: Path, cases: tuple[str, ...], seeds: int
 ) -> tuple[dict[str, Floats], dict[str, float]]:
-    """Read the mean over seeds of each measure, [targets, sources], larger for more similar, and its seconds.
+    """Read each measure, [seeds, targets, sources], larger for more similar, and its mean seconds.
 
     Raises:
         ConfigError: the table is not whole.
@@ -136,11 +139,8 @@ def read_measures(
     at = tuple(pd.Index(cases).get_indexer(table[name]) for name in places[:2])
     values = {}
     for name, one in MEASURES.items():
-        # Added in the order of the seeds: a last digit would decide between sources that tie.
-        total = np.zeros((len(cases), len(cases)))
-        np.fill_diagonal(total, np.nan)
-        np.add.at(total, at, numbers[name].to_numpy())
-        values[name] = (-1 if one.nearer else 1) * total * (len(wanted) // seeds) / len(table)
+        values[name] = np.full((seeds, len(cases), len(cases)), np.nan)
+        values[name][table["seed"].astype(int), *at] = (-1 if one.nearer else 1) * numbers[name]
     return values, {name: float(numbers[f"{name} seconds"].mean()) for name in MEASURES}
 
 

@@ -31,7 +31,7 @@ def test_cases_command_recommends_a_source(tmp_path: Path) -> None:
     assert line == "python -m ship_trl source=2 source_weights=pretrained target=new +arm=FTW"
     first = next(row.split() for row in lines if row.startswith("2 "))
     (said,) = (row for row in lines if row.startswith("Recommended"))
-    words = rf"whole network \(FTW\) of case 2: expected gain \{first[1]} \(\{first[2]} to \{first[4]} "
+    words = rf"whole network \(FTW\) of case 2: expected gain \{first[1]} \([+-]0.\d\d to [+-]0.\d\d in nine"
     assert re.search(words, said)
     why = next(row for row in lines if row.startswith("Why: "))
     assert sum(map(float, re.findall(r"[+-]\d\.\d\d", why))) == pytest.approx(float(first[1]), abs=0.021)

@@ -1,6 +1,5 @@
 """The law of transfer: the coefficients that the study wrote, and what they say of a pair."""
 
-import numpy as np
 import pytest
 
 from ship_trl.sim.cases import load_case, load_world
@@ -23,17 +22,18 @@ def test_gains_are_expected_as_by_the_regression_that_was_fitted(
 ) -> None:
     monkeypatch.setattr(data, "FOLDER", ROOT / "outputs/sources")
     table, world, law = data.read("numbers"), load_world(), load_laws()[number]
-    model = Model(table.columns, (data.LAW_OF_CASES, data.COMMAND)[number], table.gains[ARM].mean(0)[None])
-    scaler, ridge = model.fit()
+    columns = table.columns()
+    model = Model(columns, (data.LAW_OF_CASES, data.COMMAND)[number], table.gains[ARM].mean(0)[None])
+    fit = model.fit()
     names = list(table.cases)
     for source, target in (("3", "4"), ("1", "imazu07"), ("imazu20", "new")):
         at = names.index(target), names.index(source)
         row = model.row(*at)
-        inputs = np.hstack([scaler.transform(model.values[[row]]), model.indicators[[row]]])
+        wanted = fit.predict(model.values[[row]], model.indicators[[row]])
         cases = load_case(source, world), load_case(target, world)
-        values = describe(*cases, world) | {ZERO_SHOT: table.columns[ZERO_SHOT][at]}
+        values = describe(*cases, world) | {ZERO_SHOT: columns[ZERO_SHOT][at]}
         found = law.expect(*cases, values)
-        assert found.gain == pytest.approx(float(ridge.predict(inputs).squeeze()), abs=2e-4)
+        assert found.gain == pytest.approx(wanted.item(), abs=2e-4)
         assert found.gain == pytest.approx(sum(found[3:]))
         assert found.low < found.gain < found.high
 

@@ -24,6 +24,7 @@ PARTS = {
     "near": ("target=traffic_near",),
     "three_ships": ("target=traffic", "network.ships=3"),
     "no_encounters": ("target=traffic", "network.encounters=false"),
+    "no_collision": ("target=traffic", "margin.collision=0"),
     "rules": ("target=traffic", "margin.rules=100"),
     "mask": ("target=traffic", "mask=rules"),
 }

@@ -27,26 +27,26 @@ if TYPE_CHECKING:
 
 RUNS = Path("outputs/pretrained")
 SEEDS = range(100, 105)
-# The networks of random encounters by name: suite and seeds of their runs, and their words.
-NUMBERS = "observation=vector"
-# Stands for the network `traffic`, which was written just before.
-TEACHER = "algorithm.teacher=traffic"
+# The networks of random encounters by name: seeds and words of their runs.
+SCRATCH, NUMBERS = ("method=scratch",), ("observation=vector", "network.linear=[256,256,512,256]")
 SUITES = {
-    "traffic": ("traffic_near", range(5), [NUMBERS, "network.ships=3", "network.encounters=false"]),
-    "traffic_pixels": ("traffic_near", range(3), ["algorithm=pupil", TEACHER]),
-    "traffic_broad": ("traffic", range(1), [NUMBERS]),
+    "traffic": (range(5), [*SCRATCH, "observation=vector"]),
+    "traffic_pixels": (range(1), [*SCRATCH, "algorithm=pupil", "algorithm.teacher=traffic"]),
+    "traffic_strict": (range(2), [*SCRATCH, *NUMBERS, "algorithm=aggrevate", "margin.rules=200"]),
     "traffic_rules": (
-        *("traffic", range(2)),
-        [NUMBERS, "algorithm=aggrevate", "margin.rules=200", "network.linear=[256,256,512,256]"],
+        range(2),
+        [*NUMBERS, "source=traffic", "source_file=traffic_strict", "layers=all", "margin.rules=100"],
     ),
 }
+# Keys whose value is a network above, which was written just before.
+OF_NETWORK = "algorithm.teacher", "source_file"
 # The suites that their success rates are of. Equal episodes on the first allow half precision.
 TESTS = ("imazu", "traffic_test")
 
 
 def train(output: Path, seeds: Iterable[int], *words: str) -> None:
-    """Train the missing runs from scratch, and exit if one fails."""
-    grid = *words, "method=scratch", f"seed={','.join(map(str, seeds))}", override("output", output)
+    """Train the missing runs, and exit if one fails."""
+    grid = *words, f"seed={','.join(map(str, seeds))}", override("output", output)
     if code := subprocess.run([sys.executable, "-m", "ship_trl", "-m", *grid], check=False).returncode:
         sys.exit(code)
 
@@ -64,7 +64,7 @@ def make_cases(folder: Path, runs: Path) -> None:
     from ship_trl.run.process import configure_process
 
     world, cases = load_world(), sorted(one.target for one in networks())
-    train(runs, SEEDS, f"target={','.join(cases)}")
+    train(runs, SEEDS, *SCRATCH, f"target={','.join(cases)}")
     configure_process()
     written, kept, curves = [], [], []
     for case in (load_case(name, world) for name in cases):
@@ -109,12 +109,15 @@ def make_suites(folder: Path, runs: Path) -> None:
 
     configure_process()
     suites, written = {test: load_suite(test, load_world()) for test in TESTS}, []
-    for name, (target, seeds, words) in SUITES.items():
-        output = runs / name
-        teacher = override("algorithm.teacher", folder / "traffic.safetensors")
-        train(output, seeds, f"target={target}", *(teacher if word == TEACHER else word for word in words))
-        place = output / target / "scratch"
-        found = {seed: read_trained(place / f"seed={seed}") for seed in seeds}
+    for name, (seeds, words) in SUITES.items():
+        pairs = [word.partition("=")[::2] for word in words]
+        given = [
+            override(key, folder / f"{value}.safetensors") if key in OF_NETWORK else f"{key}={value}"
+            for key, value in pairs
+        ]
+        train(runs / name, seeds, "target=traffic", *given)
+        arm = "traffic/scratch" if "method=scratch" in words else "traffic-traffic/FTW"
+        found = {seed: read_trained(runs / name / arm / f"seed={seed}") for seed in seeds}
         rates = {str(seed): run.best.success_rate for seed, run in found.items()}
         # On ties `max` finds the first, which has the lower seed.
         best = found[max(found, key=lambda seed: rates[str(seed)])]

@@ -25,7 +25,8 @@ from ship_trl.files.disk import atomic_write
 WEIGHTS = (0, 25, 50, 100, 200, 400)
 WORDS = (
     *("target=traffic", "method=scratch", "observation=vector", "algorithm=aggrevate"),
-    "learn.episodes=3000",
+    # Here a dear collision gained nothing.
+    *("learn.episodes=3000", "margin.collision=0"),
 )
 SUITES = ("traffic_test", "traffic_dense", "traffic_reacting")
 RULES = (8, 13, 14, 15, 16)

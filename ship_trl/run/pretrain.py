@@ -29,13 +29,21 @@ RUNS = Path("outputs/pretrained")
 SEEDS = range(100, 105)
 # The networks of random encounters by name: seeds and words of their runs.
 SCRATCH, NUMBERS = ("method=scratch",), ("observation=vector", "network.linear=[256,256,512,256]")
+LATER = "learn.episodes=20000", "learn.epsilon_start=0.1", "learn.lr=4e-4", "learn.lr_end=2e-5"
 SUITES = {
-    "traffic": (range(5), [*SCRATCH, "observation=vector"]),
-    "traffic_pixels": (range(1), [*SCRATCH, "algorithm=pupil", "algorithm.teacher=traffic"]),
-    "traffic_strict": (range(2), [*SCRATCH, *NUMBERS, "algorithm=aggrevate", "margin.rules=200"]),
-    "traffic_rules": (
+    "traffic": (range(1), [*SCRATCH, *NUMBERS]),
+    "traffic_pixels": (
+        range(1),
+        [*SCRATCH, "algorithm=pupil", "algorithm.teacher=traffic", "learn.episodes=16000"],
+    ),
+    "traffic_strict": (
         range(2),
-        [*NUMBERS, "source=traffic", "source_file=traffic_strict", "layers=all", "margin.rules=100"],
+        [*SCRATCH, *NUMBERS, "algorithm=aggrevate", "margin.rules=200", "margin.collision=0"],
+    ),
+    # Arrives more often and obeys less: from the network above on, learning from rewards.
+    "traffic_rules": (
+        range(1),
+        [*NUMBERS, "source=traffic", "source_file=traffic_strict", "layers=all", "margin.rules=100", *LATER],
     ),
 }
 # Keys whose value is a network above, which was written just before.

@@ -6,6 +6,7 @@ Values of a rule are [targets, sources], larger is better, NaN where both are on
 from __future__ import annotations
 
 import warnings
+from collections import defaultdict
 from collections.abc import Mapping, Sequence
 from itertools import combinations
 from typing import NamedTuple
@@ -145,32 +146,27 @@ def all_regrets(gains: Floats, rules: Sequence[Mapping[str, Rule]]) -> dict[tupl
     `rules` has those for each judging seed. With 28 sources there is nothing to choose: a rule picks one.
     """
     count = gains.shape[-1]
-    found: dict[tuple[str, int, bool], Floats] = {}
+    found = defaultdict(list)
     for seed, judged in enumerate(gains):
         known = np.delete(gains, seed, axis=0).mean(0)
         best = judged[np.arange(count), np.nanargmax(known, 1)]
-
-        def note(
-            rule: str, size: int, tried: bool, value: Floats, seed: int = seed, best: Floats = best
-        ) -> None:
-            found.setdefault((rule, size, tried), np.full(gains.shape[:2], np.nan))[seed] = best - value
-
         for name, rule in rules[seed].items():
             sizes = range(1, MOST + 1) if rule.orders[0] else ()
             for size in (*sizes, count - 1):
                 sets = rule.sets(size)
-                note(name, size, False, pick(rule.values, judged, sets))
+                found[name, size, False].append(best - pick(rule.values, judged, sets))
                 if size <= MOST:
-                    note(name, size, True, pick(known, judged, sets))
+                    found[name, size, True].append(best - pick(known, judged, sets))
         ranked = np.take_along_axis(judged, np.argsort(-known, 1), 1)[:, :-1]
         for size in (*range(1, MOST + 1), count - 1):
-            note(RANDOM, size, False, np.nanmean(judged, 1))
+            found[RANDOM, size, False].append(best - np.nanmean(judged, 1))
             if size <= MOST:
                 # The chance that the best of a random set has each rank.
                 chance = comb(count - 2 - np.arange(count - 1), size - 1) / comb(count - 1, size)
-                note(RANDOM, size, True, ranked @ chance)
-                note(HINDSIGHT, size, True, pick(known, judged, best_sets(known, size)))
-    return found
+                found[RANDOM, size, True].append(best - ranked @ chance)
+                sets = best_sets(known, size)
+                found[HINDSIGHT, size, True].append(best - pick(known, judged, sets))
+    return {key: np.array(each) for key, each in found.items()}
 
 
 def pick(values: Floats, judged: Floats, sets: Sequence[Sequence[int]]) -> Floats:
@@ -182,7 +178,7 @@ def pick(values: Floats, judged: Floats, sets: Sequence[Sequence[int]]) -> Float
     return np.array(found)
 
 
-def best_sets(gains: Floats, size: int) -> list[tuple[int, ...]]:
+def best_sets(gains: Floats, size: int) -> list[list[int]]:
     """Return for each held-out target the set of others with the largest sum over targets of best gains."""
     count = len(gains)
     sets = np.array(list(combinations(range(count), size)))
@@ -190,7 +186,4 @@ def best_sets(gains: Floats, size: int) -> list[tuple[int, ...]]:
     for column in sets.T:
         best = np.fmax(best, gains[:, column])
     worth = best.sum(0)
-    return [
-        tuple(map(int, sets[np.where((sets == held).any(1), -np.inf, worth).argmax()]))
-        for held in range(count)
-    ]
+    return [sets[np.where((sets == held).any(1), -np.inf, worth).argmax()].tolist() for held in range(count)]

@@ -330,7 +330,6 @@ def regret_rows(data: Data, regrets: Regrets) -> list[dict[str, Any]]:
         {"rule": rule, "k": size, "each is tried": int(tried)}
         | {name: f"{value:.4f}" for name, value in zip(data.cases, found.mean(0), strict=True)}
         for (rule, size, tried), found in regrets.items()
-        if np.isfinite(found).all()
     ]
 
 

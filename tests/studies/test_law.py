@@ -88,7 +88,7 @@ def test_sources_are_chosen_for_what_others_lack() -> None:
     assert greedy(values, without=3)[:3] == [0, 2, 1]
     assert greedy(values, without=0)[0] == 1
     # One by one 0 is first; of two 0 and 2 leave least.
-    assert best_sets(values, 2)[3] == (0, 2)
+    assert best_sets(values, 2)[3] == [0, 2]
     line = np.array([0.0, 1.0, 2.0, 10.0, 11.0, 30.0])
     assert clusters(np.abs(line[:, None] - line), without=1)[:3] == [2, 5, 3]
 

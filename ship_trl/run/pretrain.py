@@ -33,8 +33,8 @@ LATER = "learn.episodes=20000", "learn.epsilon_start=0.1", "learn.lr=4e-4", "lea
 SUITES = {
     "traffic": (range(1), [*SCRATCH, *NUMBERS]),
     "traffic_pixels": (
-        range(3),
-        [*SCRATCH, "algorithm=pupil", "algorithm.teacher=traffic"],
+        range(1),
+        [*SCRATCH, "algorithm=pupil", "algorithm.teacher=traffic", "learn.episodes=16000"],
     ),
     "traffic_strict": (
         range(2),

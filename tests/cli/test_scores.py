@@ -7,6 +7,7 @@ import pytest
 from ship_trl.cli.evaluate import GOOD_SCORES, MILES_OF_ALL, RULE_SCORES, SCORES, Scored
 from ship_trl.config.types import World
 from ship_trl.policies.named import rollout_entry
+from ship_trl.policies.pretrained import suites
 from ship_trl.policies.registry import Entry, split_suites
 from ship_trl.policies.rule_table import HEADINGS, describe_rules, rule_rows
 from ship_trl.sim.cases import load_suite
@@ -45,7 +46,7 @@ def test_good_scores_are_those_of_the_page() -> None:
 
     planners, networks = (
         best("vo", "sb_mpc", "apf", "manoeuvre_rules"),
-        best("pretrained:traffic", "pretrained:traffic_pixels"),
+        best(*(f"pretrained:{one.name}" for one in suites())),
     )
     assert f"in imazu planners have up to {planners}, networks up to {networks}" == GOOD_SCORES
 

@@ -48,7 +48,7 @@ def test_a_curve_may_have_no_epsilon_but_not_lack_one(tmp_path: Path, rows: slic
         ({"episodes": 49}, "curve.csv does not have the 49 episodes"),
         ({"episodes": 10**12}, "curve.csv does not have the 1000000000000 episodes"),
         ({"best_known_return": float("nan")}, "best_known_return: must be a finite number, got NaN"),
-        ({"arm": "FE3-demonstrations"}, "result.json: 'FE3-demonstrations' names no arm"),
+        ({"arm": "FE3-shown"}, "result.json: 'FE3-shown' names no arm"),
         ({"random_return": None}, "random_return: must be a valid number, got null"),
         ({"random_return": 100.0}, "the best known return is not above the random one"),
         ({"untrained": {}}, "untrained.return: missing"),

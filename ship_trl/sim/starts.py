@@ -340,10 +340,13 @@ class Starts:
         target_ships(bounds)[..., : SHIP_Y + 1] = suite.perturbation.ship_position * present[..., None]
         target_ships(bounds)[..., SHIP_SPEED] = suite.perturbation.ship_speed * present
         target_ships(least)[..., SHIP_SPEED] = 0.0
-        self._low, self._width = (self.states - bounds).numpy(), (2 * bounds).numpy()
-        self._least = least.numpy()
-        # Columns of goal and ships [1 + K, 2], and the distances to keep from them [cases, 1 + K].
         columns = torch.arange(self.states.shape[1], device="cpu")
+        # What a case says. A seed's starts must not depend on what else a state holds.
+        said = target_ships(columns)[:, : SHIP_BEHAVIOUR + 1].flatten()
+        self._said = torch.cat((columns[:OWN_SIZE], said)).numpy()
+        self._low, self._width = (self.states - bounds).numpy(), (2 * bounds).numpy()[:, self._said]
+        self._least = least.numpy()[self._said]
+        # Columns of goal and ships [1 + K, 2], and the distances to keep from them [cases, 1 + K].
         points = torch.cat((goal(columns)[None], target_ships(columns)[:, : SHIP_Y + 1]))
         keep = (
             torch.full((len(self.states), 1), world.goal_distance, device="cpu"),
@@ -394,10 +397,10 @@ class Starts:
         states: States = self._low.take(cases, 0)
         if self._is_perturbed:
             # Filling an array costs half as much as `torch.rand`.
-            share = np.empty(states.shape, np.float32)
+            share = np.empty((len(cases), len(self._said)), np.float32)
             torch.from_numpy(share).uniform_(generator=generator)
-            states += self._width.take(cases, 0) * share
-            np.maximum(states, self._least, out=states)
+            drawn = states[:, self._said] + self._width.take(cases, 0) * share
+            states[:, self._said] = np.maximum(drawn, self._least)
         return states
 
     def _find_invalid(self, states: States, cases: Cases, reach: float = 0.0) -> NDArray[np.int64]:

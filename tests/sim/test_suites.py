@@ -31,6 +31,8 @@ from ship_trl.sim.state import (
     HEADING,
     SHIP_COUNT,
     SHIP_SPEED,
+    SHIP_X,
+    SHIP_Y,
     X,
     Y,
     goal_distance,
@@ -86,6 +88,16 @@ def test_perturbed_starts_stay_in_their_bounds(world: World) -> None:
     assert not bool(change[:, [GOAL_X, GOAL_Y, SHIP_COUNT]].any())
     assert bool((relative_positions(states).norm(dim=-1) >= world.safe_distance).all())
     assert bool((goal_distance(states) > world.goal_distance).all())
+
+
+def test_a_seed_stays_a_scene_however_much_a_state_remembers(world: World) -> None:
+    """Figures of perturbed suites, and the kept tables of the studies, hold for these starts."""
+    states = Starts(load_suite("paper_perturbed", world), world).balanced(7, draw(5))
+    assert states[3, [X, Y, HEADING]].tolist() == pytest.approx([-12.78137, -10.63399, 1.65338], abs=1e-4)
+    ships = target_ships(states[3])[:, [SHIP_X, SHIP_Y, SHIP_SPEED]].tolist()
+    assert ships[0] == pytest.approx([262.02933, 459.11829, 14.35200], abs=1e-4)
+    assert ships[1] == pytest.approx([389.98093, 596.81576, 15.92197], abs=1e-4)
+    assert states[5, :2].tolist() == pytest.approx([-4.99966, -7.37944], abs=1e-4)
 
 
 def test_balanced_starts_take_the_cases_in_turn(world: World) -> None:

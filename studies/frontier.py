@@ -41,7 +41,7 @@ def train(runs: dict[Path, tuple[str, ...]]) -> None:
 
 
 def measure(policy: str) -> dict[str, float]:
-    """Return a policy's success on each suite, and on the first of them what is said of the rules."""
+    """Return a policy's success on each suite, and on the first one how it keeps the rules."""
     import ship_trl
     from ship_trl.fast.worlds import draw_starts, make_env
     from ship_trl.learn.rollout import rollout

@@ -36,7 +36,7 @@ def name_in_errors(title: str) -> Iterator[None]:
 
 
 def digest_function(name: str) -> str:
-    """Return the name of a function, with the SHA-256 of its file in place of a path."""
+    """Return the name of a function, with the SHA-256 of its file, not its path."""
     file, _, function = name.rpartition(":")
     is_file = file.endswith(".py")
     return f"{hashlib.sha256(Path(file).read_bytes()).hexdigest()}:{function}" if is_file else name

@@ -5,6 +5,7 @@ from __future__ import annotations
 import argparse
 import os
 import sys
+from importlib import import_module
 from importlib.util import find_spec
 
 from ship_trl.cli.errors import refusals
@@ -29,6 +30,11 @@ GPU_PARTS = {
     "loop": "Training loop",
     "lockstep": "Training loops of many agents, batches of 32, an update every 3 steps",
 }
+# Parts with options of their own, each in a file of its name.
+ALONE = {
+    "curves": "Success over minutes of training beside Stable-Baselines3",
+    "before": "This build beside an earlier one",
+}
 
 
 def main(arguments: list[str] | None = None) -> None:
@@ -36,15 +42,13 @@ def main(arguments: list[str] | None = None) -> None:
     # As `ship_trl.__main__` does.
     os.environ["MPLBACKEND"] = "agg"
     words = sys.argv[1:] if arguments is None else arguments
-    if words and words[0] == "curves":
+    if words and words[0] in ALONE:
         with refusals():
             require_peers()
-            from benchmarks import curves
-
-            curves.main(words[1:])
+            import_module(f"benchmarks.{words[0]}").main(words[1:])
         return
     parts = "\n".join(f"    {part:12} {title}" for part, title in (GPU_PARTS | PARTS).items())
-    alone = "    curves       Success over minutes of training beside Stable-Baselines3; see curves --help"
+    alone = "\n".join(f"    {part:12} {title}; see {part} --help" for part, title in ALONE.items())
     parser = make_parser("", f"{__doc__}\n\nParts:\n{parts}\n{alone}")
     parser.prog = "python -m benchmarks"
     parser.add_argument("parts", nargs="*", metavar="PART", help="default: all")

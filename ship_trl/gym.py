@@ -247,7 +247,7 @@ class ShipCollisionVectorEnv(gymnasium.vector.VectorEnv[Observations, NDArray[np
     def _observe(self, state: NDArray[np.float32]) -> Observations:
         """Return what the network sees in states [N, S]: uint8 [N, 84, 84, C], or float32 [N, F]."""
         if self._encode is not None:
-            return self._encode(state)
+            return self._encode.of_rows(state)
         *image, channels = self._shape
         pictures = np.empty((len(state), channels, math.prod(image)), np.uint8)
         self._draw.draw_into(state, pictures)

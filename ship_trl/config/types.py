@@ -242,7 +242,9 @@ class Network:
 class Learn:
     """Training, as a file of conf/recipe sets it (sections 3.2 and 4.2), and how layers are computed.
 
-    Epsilon is annealed over the share `epsilon_fraction` of the episodes.
+    Epsilon is annealed over the share `epsilon_fraction` of the episodes. With an `average` above 0 the
+    network that is evaluated follows the one that learns by this share in each update; else it is the target
+    network.
     """
 
     episodes: bounds.Count
@@ -261,6 +263,7 @@ class Learn:
     batch_size: bounds.Count
     update_every: bounds.Count
     tau: bounds.PositiveShare
+    average: bounds.Share
     loss: Loss
     huber_delta: Annotated[float, Field(gt=0, le=bounds.MAX_HUBER_DELTA)]
     reward_scale: bounds.RewardScale

@@ -145,6 +145,17 @@ def index_windows(
 
 
 @compiled()
+def widen(values: Array, row: Array, bits: Array) -> None:
+    """Write `values` [W], float32 or bfloat16 viewed as uint16, into `row`, float32 [W] that `bits` views."""
+    if values.itemsize == 2:
+        for c in range(values.shape[0]):
+            bits[c] = np.uint32(values[c]) << np.uint32(16)
+    else:
+        for c in range(values.shape[0]):
+            row[c] = np.float32(values[c])
+
+
+@compiled()
 def scatter_add(gradient: Array, index: Array, total: Array) -> None:
     """Add each piece of `gradient` [R, K, C] to row `index` [R, K] of `total` float32 [T, C].
 
@@ -153,16 +164,9 @@ def scatter_add(gradient: Array, index: Array, total: Array) -> None:
     pieces, width = index.shape[1], total.shape[1]
     bits = np.empty(width, np.uint32)
     value = bits.view(np.float32)
-    half = gradient.itemsize == 2
     for r in range(index.shape[0]):
         for k in range(pieces):
             row = total[index[r, k]]
-            piece = gradient[r, k]
-            if half:
-                for c in range(width):
-                    bits[c] = np.uint32(piece[c]) << np.uint32(16)
-                for c in range(width):
-                    row[c] += value[c]
-            else:
-                for c in range(width):
-                    row[c] += np.float32(piece[c])
+            widen(gradient[r, k], value, bits)
+            for c in range(width):
+                row[c] += value[c]

@@ -8,6 +8,8 @@ from __future__ import annotations
 import math
 
 import numpy as np
+import torch
+from torch import Tensor
 
 from ship_trl.config.bounds import ENCOUNTER_NUMBERS, OWN_NUMBERS, SHIP_NUMBERS
 from ship_trl.fast.jit import compiled
@@ -96,7 +98,7 @@ def observe(states: Array, max_speed: float, max_turn: float, dt: float, ships: 
 
 
 class CompiledVector:
-    """`VectorObservation` as a compiled loop on the CPU: `observe(states)` maps float32 [N, S] to [N, F].
+    """`VectorObservation` as a compiled loop on the CPU: `observe(state)` maps float32 [..., S] to [..., F].
 
     Of two ships whose distances differ by less than rounding, either may come first.
     """
@@ -107,7 +109,12 @@ class CompiledVector:
         units = reference.max_speed, reference.max_turn, reference.dt
         self._units = tuple(map(np.float32, units))
 
-    def __call__(self, states: Array) -> Array:
+    def __call__(self, state: Tensor) -> Tensor:
+        """Observe states float32 [..., S]; return float32 [..., F]."""
+        rows = state.detach().reshape(-1, state.shape[-1]).contiguous()
+        return torch.from_numpy(self.of_rows(rows.numpy())).view(*state.shape[:-1], self.size)
+
+    def of_rows(self, states: Array) -> Array:
         """Observe states float32 [N, S]; return float32 [N, F]."""
         seen = np.empty((len(states), self.size), np.float32)
         observe(states, *self._units, self._ships, seen)

@@ -7,11 +7,11 @@ from typing import Any, cast
 import torch
 from torch import Generator, Tensor
 
-from ship_trl.config.network import Geometry
+from ship_trl.config.network import supports_incremental
 from ship_trl.config.types import World
 from ship_trl.fast.graphs import Captured
 from ship_trl.learn.algorithm import Accelerator
-from ship_trl.learn.network import Backend, Draw
+from ship_trl.learn.network import Backend, Draw, DuelingNetwork
 from ship_trl.sim.cases import Case, Suite
 from ship_trl.sim.encounter import Track, Tracker
 from ship_trl.sim.env import Engine, ShipEnv
@@ -19,6 +19,7 @@ from ship_trl.sim.render import Drawing, Rasteriser
 from ship_trl.sim.starts import Starts, TrafficStarts
 from ship_trl.sim.starts import make_starts as make_plain_starts
 from ship_trl.sim.transition import Outcome, Step, Transition
+from ship_trl.sim.vector import Numbers, VectorObservation
 
 # Loops are imported where they are needed: numba takes half a second, and a GPU needs none.
 # Added to the seed of the starts, whose random numbers must not be those of a policy.
@@ -55,6 +56,14 @@ class Fast(Slow):
 
         return CompiledTracker(tracker)
 
+    def numbers(self, observation: VectorObservation, device: torch.device) -> Numbers:
+        """Make what observes states as numbers."""
+        if device.type != "cpu":
+            return observation
+        from ship_trl.fast.observe import CompiledVector
+
+        return CompiledVector(observation)
+
     def drawing(self, rasteriser: Rasteriser) -> Drawing:
         """Make the drawing."""
         kind = rasteriser.device.type
@@ -65,11 +74,17 @@ class Fast(Slow):
         return CompiledDrawing(rasteriser)
 
 
-def make_incremental(draw: Draw, dtype: torch.dtype, geometry: Geometry) -> Backend:
-    """Make the backend that computes only what differs from the background of `draw`."""
+def make_backend(network: DuelingNetwork, draw: Draw, dtype: torch.dtype) -> Backend | None:
+    """Make the backend that computes less than a whole picture, or than all places of ships."""
+    if network.config.per_ship:
+        from ship_trl.fast.packed import Packed
+
+        return Packed(dtype)
+    if not supports_incremental(network.geometry):
+        return None
     from ship_trl.fast.incremental import Incremental
 
-    return Incremental(cast(Any, draw).background, dtype, geometry)
+    return Incremental(cast(Any, draw).background, dtype, network.geometry)
 
 
 def engine(fast: bool = True) -> Engine:
@@ -79,7 +94,7 @@ def engine(fast: bool = True) -> Engine:
 
 def accelerator(fast: bool = True) -> Accelerator:
     """Return what makes learning faster; if not `fast`, nothing does."""
-    return Accelerator(make_incremental, Captured) if fast else Accelerator()
+    return Accelerator(make_backend, Captured) if fast else Accelerator()
 
 
 def make_env(

@@ -38,11 +38,11 @@ class Accelerator:
     """What makes learning faster than torch alone; None where nothing does. `ship_trl.fast` has both.
 
     Attributes:
-        incremental: makes a backend for the CPU that computes only where pictures differ from a background.
+        backend: makes a backend for the CPU that computes less than every pixel or place of a ship.
         capture: makes a function of tensors on a GPU that does the same with less overhead.
     """
 
-    incremental: MakeBackend | None = None
+    backend: MakeBackend | None = None
     capture: Callable[[Callable[..., Any]], Callable[..., Any]] | None = None
 
 
@@ -102,8 +102,7 @@ class Algorithm(ABC):
         self.exploration, self.mask = setup.exploration, setup.mask
         self.online_network = network = setup.network
         network.freeze(self.method.frozen_layers(0.0))
-        network.backend = make_backend(network, self.draw, self.learn, setup.accelerator.incremental)
-        network.skips_empty_places = network.advantage.weight.is_cpu
+        network.backend = make_backend(network, self.draw, self.learn, setup.accelerator.backend)
         self.dtype, self.backend = network.backend.dtype, network.backend.name
         self.optimiser = ChannelsLastAdam(learning_groups(network, self.method.rate_factor), self.learn.lr)
         self.encoders: dict[str, Draw] = {} if setup.mask is None else {ACTION_MASK: setup.mask}

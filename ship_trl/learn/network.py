@@ -10,12 +10,10 @@ import torch.nn.functional as F
 from torch import Generator, Tensor, nn
 
 from ship_trl.config.network import (
-    Geometry,
     geometry,
     linear_from,
     linear_sizes,
     load_network,
-    supports_incremental,
 )
 from ship_trl.config.types import BackendName, Learn, Network, Precision, bfloat16_allowed
 
@@ -24,13 +22,16 @@ Draw = Callable[[Tensor], Tensor]
 
 
 class Backend(Protocol):
-    """Computes the conv layers in a number format. It holds no weights, so networks may share it."""
+    """Computes what `DuelingNetwork.encode` does in a number format.
+
+    It holds no weights, so networks may share it.
+    """
 
     name: str
     dtype: torch.dtype
 
-    def features(self, network: DuelingNetwork, pixels: Tensor) -> Tensor:
-        """Compute all conv layers: uint8 [B, C, 84, 84] to float32 [B, F]."""
+    def features(self, network: DuelingNetwork, observation: Tensor) -> Tensor:
+        """Compute all layers of `encode`: uint8 [B, C, 84, 84] or float32 [B, N] to float32 [B, F]."""
         ...
 
     def features_from(self, network: DuelingNetwork, frozen_features: Tensor) -> Tensor:
@@ -38,15 +39,16 @@ class Backend(Protocol):
         ...
 
 
-# Makes a backend for the CPU that computes only where pictures differ from the background of `Draw`.
-MakeBackend = Callable[[Draw, torch.dtype, Geometry], Backend]
+# Makes a backend for the CPU that computes only where pictures differ from the background of `Draw`, or only
+# for ships that are there; None if it cannot compute the network.
+MakeBackend = Callable[["DuelingNetwork", Draw, torch.dtype], Backend | None]
 
 
 class Dense:
-    """Backend for any device that computes every layer on every pixel, without caches.
+    """Backend for any device that computes every layer on every pixel or place of a ship, without caches.
 
     Args:
-        dtype: of the conv layers; bfloat16 uses autocast, weights and gradients stay float32.
+        dtype: of the layers; bfloat16 uses autocast, weights and gradients stay float32.
     """
 
     name = "dense"
@@ -54,11 +56,11 @@ class Dense:
     def __init__(self, dtype: torch.dtype = torch.float32) -> None:
         self.dtype = dtype
 
-    def features(self, network: DuelingNetwork, pixels: Tensor) -> Tensor:
-        """Compute all conv layers."""
-        with torch.autocast(pixels.device.type, torch.bfloat16, enabled=self.dtype is torch.bfloat16):
+    def features(self, network: DuelingNetwork, observation: Tensor) -> Tensor:
+        """Compute all layers of `encode`."""
+        with torch.autocast(observation.device.type, torch.bfloat16, self.dtype is torch.bfloat16):
             # The next layers compute in float32: Q-values may differ by less than bfloat16 resolves.
-            return network.encode(pixels).float()
+            return network.encode(observation).float()
 
     def features_from(self, network: DuelingNetwork, frozen_features: Tensor) -> Tensor:
         """Compute the conv layers after the frozen ones."""
@@ -66,17 +68,13 @@ class Dense:
             return network.encode_from(frozen_features.float()).float()
 
 
-def make_backend(
-    network: DuelingNetwork, draw: Draw, learn: Learn, incremental: MakeBackend | None
-) -> Backend:
+def make_backend(network: DuelingNetwork, draw: Draw, learn: Learn, make: MakeBackend | None) -> Backend:
     """Make the backend that the settings ask for; `auto` means the fastest one that supports the network."""
     device = network.advantage.weight.device
     dtype = choose_dtype(learn.precision, device)
-    can_be_incremental = device.type == "cpu" and supports_incremental(network.geometry)
-    is_dense = learn.backend is BackendName.dense
-    if is_dense or incremental is None or (learn.backend is BackendName.auto and not can_be_incremental):
+    if learn.backend is BackendName.dense or make is None or device.type != "cpu":
         return Dense(dtype)
-    return incremental(draw, dtype, network.geometry)
+    return make(network, draw, dtype) or Dense(dtype)
 
 
 def choose_dtype(precision: Precision, device: torch.device) -> torch.dtype:
@@ -128,9 +126,6 @@ class DuelingNetwork(nn.Module):
     observes = "pixels"
     frozen = 0
     mask: str | None = None
-    # Of ships as numbers the nearest come first, and the last places are often empty in a whole batch. On a
-    # GPU, and where the network is compiled or stacked, shapes must not depend on values.
-    skips_empty_places = False
 
     def __init__(
         self, inputs: int, num_actions: int, generator: Generator, config: Network | None = None
@@ -293,8 +288,7 @@ class VectorNetwork(DuelingNetwork):
     maxima over the ships go on (deep sets; Zaheer et al. 2017), so that what is learned of one ship holds for
     all, in any order and number.
 
-    Of the backend only the number format counts, for these layers. Otherwise it is a `DuelingNetwork`, whose
-    `inputs` are F.
+    Otherwise it is a `DuelingNetwork`, whose `inputs` are F. What `encode` computes includes `shared`.
     """
 
     observes = "vector"
@@ -312,15 +306,18 @@ class VectorNetwork(DuelingNetwork):
 
     def own_q_values(self, observation: Tensor, backend: Backend) -> Tensor:
         """Compute the Q-values of all actions."""
-        is_bfloat16 = backend.dtype is torch.bfloat16
-        with torch.autocast(observation.device.type, torch.bfloat16, enabled=is_bfloat16):
-            hidden = F.relu_(self.shared(self.encode(observation)))
-        return self.q_values(hidden.float())
+        rows = observation.reshape(-1, observation.shape[-1])
+        q = self.q_values(backend.features(self, rows))
+        return q.reshape(*observation.shape[:-1], q.shape[-1])
+
+    def dueling(self, features: Tensor) -> Tensor:
+        """Compute the streams: features [..., H] to Q-values [..., A]."""
+        return self.q_values(features)
 
     def encode(self, observation: Tensor, layers: int | None = None) -> Tensor:
-        """Compute the layers below `shared`, or the first `layers` of them: [..., F] to [..., W]."""
+        """Compute the layers of `layer_names`, or the first `layers` of them: [..., F] to [..., H]."""
         x = self._first_input(observation)
-        for n, layer in enumerate(self.layers[:-1][:layers], 1):
+        for n, layer in enumerate(self.layers[:layers], 1):
             x = self._next_input(n, F.relu_(layer(x)), observation)
         return x
 
@@ -353,9 +350,6 @@ class VectorNetwork(DuelingNetwork):
         """Return own ship's numbers [..., O] and those of target ships [..., K, M]."""
         own = self.config.own_numbers
         ships = observation[..., own:].unflatten(-1, (self.config.ships, self.config.ship_numbers))
-        if self.skips_empty_places and ships.numel():
-            taken = ships[..., -1].ne(0).reshape(-1, self.config.ships).any(0).nonzero()
-            ships = ships[..., : 1 + int(taken[-1]) if len(taken) else 1, :]
         return observation[..., :own], ships
 
 

@@ -259,6 +259,9 @@ def hash_of(
     learn = plain(first_config(config, extended).learn)
     # Jumpstart draws do not change what is learned. Backends, like devices, only round differently.
     del learn["jumpstart_draws"], learn["backend"]
+    # Files of runs without it do not name it.
+    if not learn["average"]:
+        del learn["average"]
     if not target.is_drawn:
         # Then it is not used.
         del learn["evaluate_episodes"]

@@ -21,7 +21,7 @@ from ship_trl.sim.replay import with_replay
 from ship_trl.sim.rules import rule_payment
 from ship_trl.sim.starts import draw_scenes, make_starts
 from ship_trl.sim.transition import Step, Transition
-from ship_trl.sim.vector import VectorObservation
+from ship_trl.sim.vector import Numbers, VectorObservation
 
 # False in every row that an action is taken in: a row in which one of them is true begins a new episode.
 FLAGS = ("goal", "collision", "done", "terminated", "truncated")
@@ -40,6 +40,10 @@ class Engine:
     def tracker(self, tracker: Tracker) -> Track:
         """Make what writes into states what has happened."""
         return tracker
+
+    def numbers(self, observation: VectorObservation, device: torch.device) -> Numbers:
+        """Make what observes states as numbers."""
+        return observation
 
     def drawing(self, rasteriser: Rasteriser) -> Drawing:
         """Make the drawing of a rasteriser."""
@@ -112,6 +116,7 @@ class ShipEnv(EnvBase):
         step = engine.step(Transition(world, self.device))
         self._simulate = with_replay(step, self.suite, world, self.device)
         self._track = engine.tracker(Tracker(world, self.device))
+        self._numbers = engine.numbers
         self._draws = partial(Rasteriser, world, device=self.device, drawing=engine.drawing)
         self.rasteriser = self._draws(colour=colour, vector_time=vector_time)
         self.from_pixels, self.margin = from_pixels, margin or Margin()
@@ -127,10 +132,10 @@ class ShipEnv(EnvBase):
         """The case of a suite of one, see `Suite.case`."""
         return self.suite.case
 
-    def observer(self, network: Network, colour: bool | None = None) -> Rasteriser | VectorObservation:
+    def observer(self, network: Network, colour: bool | None = None) -> Rasteriser | Numbers:
         """Return what maps states to a network's input; `colour` is by default that of `pixels`."""
         if network.linear:
-            return VectorObservation.of(network, self.world)
+            return self._numbers(VectorObservation.of(network, self.world), self.device)
         own = self.rasteriser
         colour = own.channels == 3 if colour is None else colour
         if (colour, network.vector_time) == (own.channels == 3, own.vector_time):

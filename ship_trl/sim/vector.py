@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
+
 import torch
 from torch import Tensor
 
@@ -37,6 +39,9 @@ CLASSES = (
     Encounter.OVERTAKING,
     Encounter.OVERTAKEN,
 )
+
+# Maps states [..., S] to numbers [..., F].
+Numbers = Callable[[Tensor], Tensor]
 
 
 class VectorObservation:

@@ -49,7 +49,7 @@ def test_numbers_are_those_of_torch(ships: int, empty: int, shown: int, encounte
     states = states[(distances.diff() > 1e-3).all(-1) & clear.all(-1)]
     assume(len(states))
     observe = VectorObservation(WORLD, shown, encounters)
-    found, wanted = torch.from_numpy(CompiledVector(observe)(states.numpy())), observe(states)
+    found, wanted = CompiledVector(observe)(states), observe(states)
     assert found.shape == wanted.shape and found.dtype == wanted.dtype
     of_ships, wanted_of_ships = (
         seen[:, 5:].unflatten(-1, (shown, 10 + 9 * encounters)) for seen in (found, wanted)
@@ -66,12 +66,12 @@ def test_numbers_are_those_of_torch(ships: int, empty: int, shown: int, encounte
 def test_a_ship_with_own_ships_velocity_does_not_approach(heading: float, speed: float) -> None:
     state = initial_state(load_case("4", WORLD), WORLD)[None].clone()
     state[:, [HEADING, OWN_SIZE + SHIP_HEADING]], state[:, [SPEED, OWN_SIZE + SHIP_SPEED]] = heading, speed
-    seen = CompiledVector(VectorObservation(WORLD, 1))(state.numpy())
+    seen = CompiledVector(VectorObservation(WORLD, 1))(state)
     assert seen[0, [7, 8, 12, 13]].tolist() == [0, 0, 0, 0]
 
 
 def test_at_the_goal_and_on_a_ship_numbers_are_finite() -> None:
     observe, states = VectorObservation(WORLD, 2), torch.zeros(1, OWN_SIZE + 2 * SHIP_SIZE)
     states[:, [SHIP_COUNT, STEP]] = 2.0
-    found = torch.from_numpy(CompiledVector(observe)(states.numpy()))
+    found = CompiledVector(observe)(states)
     torch.testing.assert_close(found, observe(states), rtol=0, atol=1e-6)

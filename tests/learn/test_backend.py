@@ -6,7 +6,7 @@ from torch import Generator, Tensor
 
 from ship_trl.config.types import BFLOAT16, Precision
 from ship_trl.fast.incremental import Incremental
-from ship_trl.fast.worlds import make_incremental
+from ship_trl.fast.worlds import make_backend as make_fast
 from ship_trl.learn.network import Dense, DuelingNetwork, choose_dtype, make_backend
 from tests.learn.networks import NETWORKS, ODD
 from tests.learn.worlds import draw, schedule
@@ -78,5 +78,5 @@ def test_bfloat16_that_is_off_must_be_asked_for(
 def test_auto_is_incremental_where_supported(name: str) -> None:
     network = DuelingNetwork(1, 7, Generator().manual_seed(0), (NETWORKS | ODD)[name])
     able = Incremental if name in NETWORKS else Dense
-    assert isinstance(make_backend(network, draw, schedule(), make_incremental), able)
+    assert isinstance(make_backend(network, draw, schedule(), make_fast), able)
     assert isinstance(make_backend(network, draw, schedule(), None), Dense)

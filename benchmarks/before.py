@@ -1,0 +1,162 @@
+"""`python -m benchmarks before`: this build beside an earlier one, in turn, on one machine.
+
+The earlier build is a worktree of a commit in a temporary folder. Both run with this Python and its packages,
+each measurement in a process of its own.
+"""
+
+from __future__ import annotations
+
+import json
+import os
+import statistics
+import subprocess
+import sys
+import tempfile
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
+from pathlib import Path
+
+import torch
+
+from ship_trl.cli.parser import add_number, make_parser
+from ship_trl.config.bounds import Positive
+from ship_trl.config.errors import ConfigError
+from ship_trl.run.console import show
+from ship_trl.run.process import processor_name
+
+COMMIT, ROOT = "53fcc0f", Path(__file__).parent.parent
+PARTS = {
+    "import": "Seconds to import the environment",
+    "loop": "Steps a second of the paper's training loop from pixels: case 4, batches of 32",
+    "vector": "Seconds for 1,000 updates from numbers, of as many transitions each",
+    "numbers": "Minutes of training from numbers until shares of traffic_test are solved",
+}
+# Each prints numbers by name as JSON in its last line. Both builds have all that it uses.
+SCRIPTS = {
+    "import": """
+began = time.perf_counter()
+from ship_trl.sim.env import ShipEnv
+print(json.dumps({"import": time.perf_counter() - began}))
+""",
+    "loop": """
+from benchmarks.learning import make_ours
+found = {}
+for arm in "scratch", "FE1", "FE2", "FE3", "FE4":
+    ours = make_ours(arm)
+    ours.train(ours.learn.warmup_steps + 200)
+    began = time.perf_counter()
+    ours.train(1000)
+    found[arm] = 1000 / (time.perf_counter() - began)
+print(json.dumps(found))
+""",
+    "vector": """
+from benchmarks import curves
+from benchmarks.ours import Ours
+try:
+    from benchmarks.ours import plan
+except ImportError:
+    from benchmarks.work import plan
+run = getattr(curves, "RUN", ("target=traffic", "profile=traffic", "method=scratch", "observation=vector"))
+ours = Ours(plan(*run, "learn.evaluate_every=1000000", "learn.evaluate_episodes=1"))
+if hasattr(ours.training, "begin"):
+    ours.training.begin()
+ours.train(20_000)
+samples = lambda: ours.algorithm.updates * ours.learn.batch_size
+done, began = samples(), time.perf_counter()
+ours.train(20_000)
+print(json.dumps({"of 256 transitions": (time.perf_counter() - began) / (samples() - done) * 256_000}))
+""",
+    "numbers": """
+from torch import Generator
+from benchmarks import curves
+from ship_trl.run.process import configure_process
+from ship_trl.sim.cases import load_world
+try:
+    from ship_trl.fast.worlds import make_env, make_starts
+    from ship_trl.sim.cases import load_suite
+except ImportError:
+    from ship_trl.sim.env import ShipEnv as make_env
+    from ship_trl.sim.starts import make_starts
+    from ship_trl.sim.suites import load_suite
+configure_process()
+curves.EVERY = 0.1
+suite = load_suite("traffic_test", load_world())
+starts = make_starts(suite, load_world()).balanced(len(suite.cases), Generator())
+curve = curves.Curve("ours", SEED, 60.0, make_env(suite, load_world(), starts=starts))
+curves.train_ours(SEED, curve.record)
+points = [point if isinstance(point, tuple) else (point.minutes, 0, point.success) for point in curve.points]
+to = lambda goal: next((minutes for minutes, _, success in points if success >= goal), math.inf)
+found = {f"to {goal:.0%}": to(goal) for goal in (0.9, 0.95, 0.97)}
+print(json.dumps(found | {"to the end": points[-1][0], "solved at the end, %": 100 * points[-1][2]}))
+""",
+}
+
+
+def main(arguments: Sequence[str]) -> None:
+    """Measure the parts with both builds, and print their tables."""
+    listed = "\n".join(f"    {part:10} {title}" for part, title in PARTS.items())
+    parser = make_parser("", f"{__doc__}\n\nParts:\n{listed}")
+    parser.prog = "python -m benchmarks before"
+    parser.add_argument("parts", nargs="*", metavar="PART", help="default: all")
+    parser.add_argument("--commit", default=COMMIT, help=f"the earlier build (default {COMMIT})")
+    add_number(parser, "--rounds", Positive, 5, "measurements of each build; seeds of `numbers` (default 5)")
+    parser.add_argument("--markdown", action="store_true", help="print Markdown tables")
+    options = parser.parse_args(arguments)
+    for part in options.parts:
+        if part not in PARTS:
+            raise ConfigError(f"benchmarks before: no part {part}; allowed: {', '.join(PARTS)}")
+    sys.stdout.write(f"{processor_name()}, torch {torch.__version__}, 1 thread\n")
+    with worktree(options.commit) as before:
+        builds = {options.commit: before, "this build": ROOT}
+        for part in options.parts or PARTS:
+            rounds = [
+                {name: measure(part, folder, seed) for name, folder in builds.items()}
+                for seed in range(options.rounds)
+            ]
+            print_ratios(PARTS[part], rounds, options.markdown)
+
+
+@contextmanager
+def worktree(commit: str) -> Iterator[Path]:
+    """Check a commit out in a temporary folder, and remove it at the end.
+
+    Raises:
+        ConfigError: the checkout has no such commit.
+    """
+    with tempfile.TemporaryDirectory() as temporary:
+        folder = Path(temporary) / commit
+        git = "git", "-C", str(ROOT), "worktree"
+        made = subprocess.run(
+            [*git, "add", "--detach", str(folder), commit], check=False, capture_output=True, text=True
+        )
+        if made.returncode:
+            raise ConfigError(f"--commit: {made.stderr.strip()}; allowed: a commit of {ROOT}")
+        try:
+            yield folder
+        finally:
+            subprocess.run([*git, "remove", "--force", str(folder)], check=True)
+
+
+def measure(part: str, folder: Path, seed: int) -> dict[str, float]:
+    """Run the script of a part with the build in a folder; return its numbers."""
+    script = f"import json, math, time\nSEED = {seed}\n{SCRIPTS[part]}"
+    threads = dict.fromkeys(("OMP_NUM_THREADS", "MKL_NUM_THREADS"), "1")
+    environment = os.environ | {"PYTHONPATH": str(folder), "MPLBACKEND": "agg"} | threads
+    command = [sys.executable, "-P", "-c", script]
+    done = subprocess.run(command, cwd=folder, env=environment, check=True, stdout=subprocess.PIPE, text=True)
+    found: dict[str, float] = json.loads(done.stdout.splitlines()[-1])
+    sys.stdout.write(f"{folder.name}, {part}, round {seed}: {done.stdout.splitlines()[-1]}\n")
+    sys.stdout.flush()
+    return found
+
+
+def print_ratios(title: str, rounds: list[dict[str, dict[str, float]]], markdown: bool) -> None:
+    """Print the median and range of both builds, and the median of the rounds' ratios."""
+    first, second = rounds[0]
+    rows = []
+    for name in rounds[0][first]:
+        values = [[one[build][name] for one in rounds] for build in (first, second)]
+        told = [f"{statistics.median(v):.3g} ({min(v):.3g} to {max(v):.3g})" for v in values]
+        ratio = statistics.median(new / old for old, new in zip(*values, strict=True))
+        rows.append([name, *told, f"{ratio:.2f}"])
+    show((title, first, second, "ratio"), rows, markdown)

@@ -34,6 +34,7 @@ GPU_PARTS = {
 ALONE = {
     "curves": "Success over minutes of training beside Stable-Baselines3",
     "before": "This build beside an earlier one",
+    "growth": "Time and memory against ships, environments, replay and agents",
 }
 
 

@@ -84,10 +84,9 @@ def test_the_networks_of_random_encounters_are_what_the_manifest_says() -> None:
     for one in pretrained.suites():
         assert hashlib.sha256(one.file.read_bytes()).hexdigest() == one.sha256
         assert {str(value.dtype) for value in load_file(one.file).values()} == {f"torch.{one.dtype}"}
-        # On ties, `max` keeps the first.
         rates = one.success_rates_by_seed
         assert [*rates] == [str(seed) for seed in SUITES[one.name][0]]
-        assert one.seed == int(max(rates, key=lambda seed: rates[seed]))
+        assert one.seed == 0
         episodes, network = rollout_greedy(load_suite("imazu", WORLD), one.file)
         assert network.observes == one.observation
         assert [*one.success_rates] == list(TESTS)

@@ -21,7 +21,8 @@ FILMED ?= $(if $(filter file,$(origin ARGS)),outputs/low/FT3/seed=0)
 BIN = $(VENV)/bin
 # Beside the other: what these tools need must not change what is run and tested.
 TOOLS = $(VENV)-tools
-INSTALL = $(BIN)/python -m pip install $(if $(LOCK),--constraint $(LOCK)) --editable
+# Compiling all of torch takes as long as its installation; Python compiles what is imported, if it may write it.
+INSTALL = $(BIN)/python -m pip install $(if $(PYTHONDONTWRITEBYTECODE),,--no-compile) $(if $(LOCK),--constraint $(LOCK)) --editable
 # A second thread makes these small networks slower: one thread a process, one process a core.
 export OMP_NUM_THREADS = 1
 

@@ -40,12 +40,12 @@ def composed(*words: str) -> Any:
 @pytest.mark.parametrize(
     ("words", "profile", "episodes"),
     [
-        *(([word, "method=scratch"], "traffic", 104000) for word in ("target=traffic", 'target="traffic"')),
-        *(([word, "method=scratch"], "traffic", 104000) for word in ("++target=traffic", "target='traffic'")),
-        (["target=traffic_reacting", "method=scratch"], "traffic", 104000),
-        (["+experiment=2024_05_01"], "traffic", 104000),
-        (["source=traffic", "target=imazu", "layers=1"], "traffic", 104000),
-        (["source=4", "target=traffic", "layers=1"], "traffic", 104000),
+        *(([word, "method=scratch"], "traffic", 208000) for word in ("target=traffic", 'target="traffic"')),
+        *(([word, "method=scratch"], "traffic", 208000) for word in ("++target=traffic", "target='traffic'")),
+        (["target=traffic_reacting", "method=scratch"], "traffic", 208000),
+        (["+experiment=2024_05_01"], "traffic", 208000),
+        (["source=traffic", "target=imazu", "layers=1"], "traffic", 208000),
+        (["source=4", "target=traffic", "layers=1"], "traffic", 208000),
         (["target=traffic", "method=scratch", "profile=quick"], "quick", 600),
         (["+pair=high", "layers=1"], "quick", 600),
     ],

@@ -122,7 +122,7 @@ def make_parts(run: Run, device: torch.device, source: Source | None) -> Parts:
     # The rules are not symmetric: a mirror image would have other encounters.
     is_symmetric = not config.network.encounters
     if teacher is not None:
-        values = read_teacher(teacher, eval_env)
+        values = read_teacher(teacher, eval_env, config.fast)
         is_symmetric = is_symmetric and not read_look(teacher.path, TEACHER).network.encounters
     elif reads_of(config.algorithm).has_expert:
         values = make_expert(config)
@@ -338,12 +338,16 @@ def make_expert(config: Config) -> Teacher:
     return lambda state: values(state.cpu()).to(state.device)
 
 
-def read_teacher(teacher: TeacherFile, env: ShipEnv) -> Teacher:
+def read_teacher(teacher: TeacherFile, env: ShipEnv, fast: bool = True) -> Teacher:
     """Return the teacher's Q-values in the run's scaled rewards, of states.
+
+    If it is `fast`, a CPU computes them by the backend that is quickest.
 
     Raises:
         ConfigError: the file is invalid, or its network has other actions.
     """
     network = load_network(teacher.path, env, TEACHER)
     observe = env.observer(network.config, network.colour)
+    if (make := accelerator(fast).backend) is not None and env.device.type == "cpu":
+        network.backend = make(network, observe, torch.float32) or network.backend
     return lambda state: teacher.factor * network(observe(state))

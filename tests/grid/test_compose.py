@@ -57,7 +57,7 @@ def test_a_suite_brings_its_profile(words: list[str], profile: str, episodes: in
 
 def test_each_run_of_a_grid_takes_its_own_profile(tmp_path: Path) -> None:
     grid = ("-m", "hydra/launcher=basic", "method=scratch", "learn.batch_size=${learn.replay_size}x")
-    for targets, most in (("choice(traffic)", 200000), ("traffic,4", 200000), ("4,traffic", 10000)):
+    for targets, most in (("choice(traffic)", 1500000), ("traffic,4", 1500000), ("4,traffic", 10000)):
         said = ship_trl(*grid, f"target={targets}", folder=tmp_path, code=1).stderr
         assert said == f'ship_trl: learn.batch_size: must be a valid integer, got "{most}x"\n'
 

@@ -83,11 +83,10 @@ curves.EVERY = 0.1
 suite = load_suite("traffic_test", load_world())
 starts = make_starts(suite, load_world()).balanced(len(suite.cases), Generator())
 curve = curves.Curve("ours", SEED, 60.0, make_env(suite, load_world(), starts=starts))
-curves.train_ours(SEED, curve.record)
-points = [point if isinstance(point, tuple) else (point.minutes, 0, point.success) for point in curve.points]
-to = lambda goal: next((minutes for minutes, _, success in points if success >= goal), math.inf)
-found = {f"to {goal:.0%}": to(goal) for goal in (0.9, 0.95, 0.97)}
-print(json.dumps(found | {"to the end": points[-1][0], "solved at the end, %": 100 * points[-1][2]}))
+points = lambda: [one if isinstance(one, tuple) else (one.minutes, one.steps, one.success) for one in curve.points]
+curves.train_ours(SEED, lambda *given: curve.record(*given) and points()[-1][2] < 0.97)
+to = lambda goal: next((minutes for minutes, _, success in points() if success >= goal), math.inf)
+print(json.dumps({f"to {goal:.0%}": to(goal) for goal in (0.9, 0.95, 0.97)}))
 """,
 }
 

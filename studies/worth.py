@@ -1,6 +1,6 @@
 """`python -m studies.worth`: what each part of a network that avoids ships and keeps the rules is worth.
 
-Each row differs from the first in one thing. All learn from numbers, one seed and 8,000 episodes: three to
+Each row differs from the first in one thing. All learn from numbers, one seed and 25,000 updates: about
 four minutes on one core. Missing runs are made, one after the other.
 
 Writes:
@@ -17,7 +17,7 @@ from ship_trl.cli.parser import make_parser
 from ship_trl.files.disk import atomic_write
 from studies.frontier import measure, train
 
-WORDS = "method=scratch", "observation=vector", "learn.episodes=8000"
+WORDS = "method=scratch", "observation=vector", "learn.episodes=64000"
 # Words by part; of the same key the later one counts.
 PARTS = {
     "all": ("target=traffic",),
@@ -27,6 +27,8 @@ PARTS = {
     "no_collision": ("target=traffic", "margin.collision=0"),
     "rules": ("target=traffic", "margin.rules=100"),
     "mask": ("target=traffic", "mask=rules"),
+    "few_scenes": ("target=traffic", "learn.num_envs=64", "learn.update_every=16", "learn.episodes=8000"),
+    "no_average": ("target=traffic", "learn.average=0"),
 }
 # A policy's mask at evaluation.
 SHIELD = "+shield"

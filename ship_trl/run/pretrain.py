@@ -30,10 +30,10 @@ SEEDS, SCRATCH = range(100, 105), ("method=scratch",)
 # The networks of random encounters by name: seeds and words of their runs.
 NUMBERS = "observation=vector", "network.linear=[256,256,512,256]"
 SUITES = {
-    "traffic": (range(5), NUMBERS),
-    "traffic_rules": (range(3), (*NUMBERS, "margin.rules=200")),
+    "traffic": (range(1), NUMBERS),
+    "traffic_rules": (range(1), (*NUMBERS, "margin.rules=300")),
     # Its value is the network above, which was written before.
-    "traffic_pixels": (range(2), ("algorithm=pupil", "algorithm.teacher=traffic")),
+    "traffic_pixels": (range(1), ("algorithm=pupil", "algorithm.teacher=traffic")),
 }
 TEACHER = "algorithm.teacher"
 # The suites that their success rates are of. Equal episodes on the first allow half precision.

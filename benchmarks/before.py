@@ -7,6 +7,7 @@ each measurement in a process of its own.
 from __future__ import annotations
 
 import json
+import math
 import os
 import statistics
 import subprocess
@@ -28,7 +29,7 @@ COMMIT, ROOT = "53fcc0f", Path(__file__).parent.parent
 PARTS = {
     "import": "Seconds to import the environment",
     "loop": "Steps a second of the paper's training loop from pixels: case 4, batches of 32",
-    "vector": "Seconds for 1,000 updates from numbers, of as many transitions each",
+    "vector": "Seconds for 1,000 updates from numbers and their 16,000 steps, batches of 128",
     "numbers": "Minutes of training from numbers until shares of traffic_test are solved",
 }
 # Each prints numbers by name as JSON in its last line. Both builds have all that it uses.
@@ -57,14 +58,14 @@ try:
 except ImportError:
     from benchmarks.work import plan
 run = getattr(curves, "RUN", ("target=traffic", "profile=traffic", "method=scratch", "observation=vector"))
-ours = Ours(plan(*run, "learn.evaluate_every=1000000", "learn.evaluate_episodes=1"))
+same = "learn.num_envs=64", "learn.update_every=16", "learn.batch_size=128", "learn.replay_size=200000"
+ours = Ours(plan(*run, *same, "learn.evaluate_every=1000000", "learn.evaluate_episodes=1"))
 if hasattr(ours.training, "begin"):
     ours.training.begin()
 ours.train(20_000)
-samples = lambda: ours.algorithm.updates * ours.learn.batch_size
-done, began = samples(), time.perf_counter()
+done, began = ours.algorithm.updates, time.perf_counter()
 ours.train(20_000)
-print(json.dumps({"of 256 transitions": (time.perf_counter() - began) / (samples() - done) * 256_000}))
+print(json.dumps({"seconds": (time.perf_counter() - began) / (ours.algorithm.updates - done) * 1000}))
 """,
     "numbers": """
 from torch import Generator
@@ -154,7 +155,12 @@ def print_ratios(title: str, rounds: list[dict[str, dict[str, float]]], markdown
     first, second = rounds[0]
     rows = []
     for name in rounds[0][first]:
-        values = [[one[build][name] for one in rounds] for build in (first, second)]
+        # A goal that one of both did not reach tells nothing about a ratio.
+        reached = [one for one in rounds if all(math.isfinite(one[build][name]) for build in (first, second))]
+        values = [[one[build][name] for one in reached] for build in (first, second)]
+        if not reached:
+            rows.append([name, "not reached by both", "", ""])
+            continue
         told = [f"{statistics.median(v):.3g} ({min(v):.3g} to {max(v):.3g})" for v in values]
         ratio = statistics.median(new / old for old, new in zip(*values, strict=True))
         rows.append([name, *told, f"{ratio:.2f}"])

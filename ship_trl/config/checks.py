@@ -23,7 +23,7 @@ from ship_trl.config.errors import ConfigError, missing_extra, require
 from ship_trl.config.network import count_numbers, geometry, linear_from, supports_incremental
 from ship_trl.config.paths import PACKAGE
 from ship_trl.config.schema import read_as
-from ship_trl.config.types import BackendName, Config, Learn, bfloat16_allowed, trackers_of
+from ship_trl.config.types import BackendName, Config, Learn, bfloat16_allowed, plain, trackers_of
 
 # Bytes that each of a run's weights, batches, replay and planner may take.
 MAX_BYTES = 2**33
@@ -128,6 +128,18 @@ def ignored_keys(algorithm: Mapping[str, Any], words: Iterable[str]) -> list[str
     """Return the keys of a command line that an algorithm does not read."""
     keys = (word.partition("=")[0].lstrip("+") for word in words)
     return [key for key in keys if key in reads_of(algorithm).ignored]
+
+
+def named_learn(learn: Learn) -> dict[str, Any]:
+    """Return the values of training that decide what is learned, as files of runs and studies name them.
+
+    Backends, like devices, only round differently. Older files do not name an average.
+    """
+    values = plain(learn)
+    del values["backend"]
+    if not learn.average:
+        del values["average"]
+    return values
 
 
 def non_default_algorithm(algorithm: dict[str, Any]) -> dict[str, Any] | None:

@@ -263,12 +263,13 @@ class Learn:
     batch_size: bounds.Count
     update_every: bounds.Count
     tau: bounds.PositiveShare
-    average: bounds.Share
     loss: Loss
     huber_delta: Annotated[float, Field(gt=0, le=bounds.MAX_HUBER_DELTA)]
     reward_scale: bounds.RewardScale
     precision: Precision
     backend: BackendName
+    # Files of older runs do not name it.
+    average: bounds.Share = 0.0
 
 
 @dataclass

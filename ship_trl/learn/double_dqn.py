@@ -161,8 +161,8 @@ class DoubleDQN(Algorithm):
     @torch.no_grad()
     def _step_average(self, average: DuelingNetwork) -> None:
         """Let the average follow the online network: at first it is the mean of all so far."""
-        share = AVERAGE_EVERY * max(self.learn.average, 1 / self.updates)
-        torch._foreach_lerp_([*average.parameters()], [*self.online_network.parameters()], min(1.0, share))
+        share = max(1 - (1 - self.learn.average) ** AVERAGE_EVERY, AVERAGE_EVERY / self.updates)
+        torch._foreach_lerp_([*average.parameters()], [*self.online_network.parameters()], share)
 
     def loss(self, batch: TensorDictBase) -> Tensor:
         """Return the mean loss of a batch."""

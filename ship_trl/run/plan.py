@@ -19,7 +19,7 @@ from yaml import YAMLError
 
 from ship_trl.config.arm import SCRATCH, Arm, SourceWeights
 from ship_trl.config.bounds import RewardScale
-from ship_trl.config.checks import non_default_algorithm, reads_of
+from ship_trl.config.checks import named_learn, non_default_algorithm, reads_of
 from ship_trl.config.errors import ConfigError, one_line, override, require
 from ship_trl.config.imports import digest_function
 from ship_trl.config.network import non_default_network
@@ -256,12 +256,9 @@ def hash_of(
         origin = f"pretrained {stem(str(config.source))} {pretrained.sha256}"
     elif config.arm.weights is SourceWeights.permuted:
         origin = f"permuted {origin}"
-    learn = plain(first_config(config, extended).learn)
-    # Jumpstart draws do not change what is learned. Backends, like devices, only round differently.
-    del learn["jumpstart_draws"], learn["backend"]
-    # Files of runs without it do not name it.
-    if not learn["average"]:
-        del learn["average"]
+    learn = named_learn(first_config(config, extended).learn)
+    # They do not change what is learned.
+    del learn["jumpstart_draws"]
     if not target.is_drawn:
         # Then it is not used.
         del learn["evaluate_episodes"]

@@ -11,11 +11,11 @@ from datetime import UTC, datetime
 from pathlib import Path
 from typing import Annotated, Any
 
-from ship_trl.config.checks import non_default_algorithm, reads_of
+from ship_trl.config.checks import named_learn, non_default_algorithm, reads_of
 from ship_trl.config.errors import ConfigError
 from ship_trl.config.network import non_default_network
 from ship_trl.config.schema import read_as, rule
-from ship_trl.config.types import Config, plain, world_values
+from ship_trl.config.types import Config, world_values
 from ship_trl.files.disk import atomic_write, read_json
 from ship_trl.grid.compose import compose_config
 from ship_trl.sim.cases import load_suite
@@ -138,13 +138,10 @@ def shared_settings(jobs: list[Job], config: StudyConfig, shared: Config) -> dic
             raise ConfigError(
                 f"arms: {job.arm} copies {layers} layers, the network has {depth}; allowed: {least} to {most}"
             )
-    learn = plain(shared.learn)
-    # Backends give the same results, so a study may continue with another one.
-    del learn["backend"]
     settings = {
         "profile": config.profile,
         "first_seed": config.first_seed,
-        "learn": learn,
+        "learn": named_learn(shared.learn),
         "world": world_values(shared.world),
         "colour": shared.colour,
     }

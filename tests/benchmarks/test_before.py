@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import subprocess
 from pathlib import Path
 
@@ -47,6 +48,14 @@ def test_ratios_are_medians_of_the_rounds(capsys: pytest.CaptureFixture[str]) ->
         "4 (3 to 8)",
         "3.00",
     ]
+
+
+def test_rounds_that_miss_a_goal_have_no_ratio(capsys: pytest.CaptureFixture[str]) -> None:
+    rounds = [{"old": {"to": old, "at": 1.0}, "new": {"to": 2.0, "at": 1.0}} for old in (4.0, math.inf)]
+    before.print_ratios("Minutes", rounds, markdown=True)
+    before.print_ratios("Minutes", rounds[1:], markdown=True)
+    told = [line for line in capsys.readouterr().out.splitlines() if line.startswith("| to")]
+    assert "0.50" in told[0] and "not reached by both" in told[1]
 
 
 @pytest.mark.parametrize(

@@ -13,11 +13,12 @@ from omegaconf import DictConfig, OmegaConf
 from omegaconf.errors import OmegaConfBaseException
 
 from ship_trl.config.arm import Arm
-from ship_trl.config.checks import ignored_keys, non_default_algorithm, to_config
+from ship_trl.config.checks import ignored_keys, named_learn, non_default_algorithm, to_config
 from ship_trl.config.errors import ConfigError
 from ship_trl.config.network import load_network
 from ship_trl.config.paths import conf_dir
-from ship_trl.config.types import Config, Observation, plain
+from ship_trl.config.schema import read_as
+from ship_trl.config.types import Config, Learn, Observation, plain
 from ship_trl.files.untrusted import read_changes, read_yaml
 from ship_trl.grid.compose import compose_config, use_loader
 from ship_trl.run.plan import make_run
@@ -167,3 +168,12 @@ def test_files_name_imitation_only_where_there_is_some() -> None:
         key: value for key, value in without.algorithm.items() if key not in keys
     }
     assert non_default_algorithm(some.algorithm) == some.algorithm and keys < set(some.algorithm)
+
+
+def test_files_name_an_average_only_if_there_is_one() -> None:
+    without, with_one = (composed(*HIGH, f"learn.average={share}").learn for share in (0, 0.5))
+    assert named_learn(with_one) == named_learn(without) | {"average": 0.5}
+    assert "backend" not in named_learn(without)
+    # As a file of a run before there was one.
+    values = {name: value for name, value in plain(with_one).items() if name != "average"}
+    assert read_as(Learn, values).average == 0

@@ -174,10 +174,10 @@ def test_a_slower_average_is_evaluated_if_asked_for() -> None:
         learner.update()
         if learner.updates > before and learner.updates % AVERAGE_EVERY == 0:
             seen.append([one.clone() for one in learner.online_network.parameters()])
-    # The mean of those so far, then by twice AVERAGE_EVERY hundredths.
+    # The mean of those so far, then by two hundredths for each update.
     averages = seen[0]
     for k, online in enumerate(seen[1:], 2):
-        share = max(0.02 * AVERAGE_EVERY, 1 / k)
+        share = max(1 - 0.98**AVERAGE_EVERY, 1 / k)
         averages = [old + share * (new - old) for old, new in zip(averages, online, strict=True)]
     for own, wanted in zip(learner.network.parameters(), averages, strict=True):
         torch.testing.assert_close(own, wanted)

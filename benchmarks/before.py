@@ -40,10 +40,12 @@ from ship_trl.sim.env import ShipEnv
 print(json.dumps({"import": time.perf_counter() - began}))
 """,
     "loop": """
-from benchmarks.learning import make_ours
+from benchmarks.ours import make_ours
 found = {}
 for arm in "scratch", "FE1", "FE2", "FE3", "FE4":
     ours = make_ours(arm)
+    if hasattr(ours.training, "begin"):
+        ours.training.begin()
     ours.train(ours.learn.warmup_steps + 200)
     began = time.perf_counter()
     ours.train(1000)

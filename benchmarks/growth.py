@@ -120,7 +120,7 @@ def stepper(env: ShipEnv, seed: int = 0) -> Callable[[], object]:
 
 
 def scenes(ships: int, count: int) -> ShipEnv:
-    """Make environments of random encounters that all have so many ships."""
+    """Make environments of random encounters with this number of ships."""
     suite = load_suite("traffic", load_world())
     assert suite.traffic is not None
     traffic = replace(suite.traffic, ships=[0.0] * ships + [1.0], reacting=0.0)
@@ -130,7 +130,7 @@ def scenes(ships: int, count: int) -> ShipEnv:
 
 
 def learner(ships: int, *words: str) -> Ours:
-    """Put together a run from numbers whose environment has so many ships in each scene."""
+    """Put together a run from numbers whose environment has this number of ships in each scene."""
     ours = Ours(plan(*RUN, f"network.ships={max(SHIPS)}", *words))
     ours.env = scenes(ships, ours.learn.num_envs)
     return ours

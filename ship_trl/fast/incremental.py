@@ -197,6 +197,22 @@ class WeightCopies:
         self._versions = now
 
 
+class CopyCache:
+    """The weight copies of networks that share a backend, in one precision."""
+
+    def __init__(self, dtype: torch.dtype) -> None:
+        self._dtype = dtype
+        self._copies: WeakKeyDictionary[DuelingNetwork, WeightCopies] = WeakKeyDictionary()
+
+    def layers(self, network: DuelingNetwork, weights: list[Tensor]) -> list[tuple[Tensor, Tensor]]:
+        """Return the current copies of a network's weights and biases, given in turn."""
+        copies = self._copies.get(network)
+        if copies is None or copies.pointers != [weight.data_ptr() for weight in weights]:
+            copies = self._copies[network] = WeightCopies(weights, self._dtype)
+        copies.refresh(weights)
+        return copies.layers
+
+
 class Incremental:
     """Backend for the CPU that computes conv layers only where frames differ from the background.
 
@@ -215,7 +231,7 @@ class Incremental:
         self.dtype, self.geometry = dtype, geometry
         self._extract = WindowExtractor(background, dtype, geometry)
         self._cached: tuple[Tensor, tuple[int, ...], Rows] | None = None
-        self._copies: WeakKeyDictionary[DuelingNetwork, WeightCopies] = WeakKeyDictionary()
+        self._copies = CopyCache(dtype)
 
     def __deepcopy__(self, memo: dict[int, Any]) -> Incremental:
         """Return this backend itself: a copied network shares its backend."""
@@ -260,20 +276,12 @@ class Incremental:
             return rows
         values, indices = rows
         weights = [weight for conv in network.layers for weight in (conv.weight, conv.bias)]
-        copies = self._weight_copies(network, weights)
+        copies = self._copies.layers(network, weights)
         first = len(self.geometry) - len(indices)
         for n in range(first, first + layers):
-            index, (matrix, bias) = indices[n - first], copies.layers[n]
+            index, (matrix, bias) = indices[n - first], copies[n]
             if torch.is_grad_enabled():
                 values = GatheredLayer.apply(values, index, weights[2 * n], weights[2 * n + 1], matrix, bias)
             else:
                 _, values = gathered_layer(values, index, matrix, bias)
         return Rows(values, indices[layers:])
-
-    def _weight_copies(self, network: DuelingNetwork, weights: list[Tensor]) -> WeightCopies:
-        """Return the network's current conv weights in the precision of this backend."""
-        copies = self._copies.get(network)
-        if copies is None or copies.pointers != [weight.data_ptr() for weight in weights]:
-            copies = self._copies[network] = WeightCopies(weights, self.dtype)
-        copies.refresh(weights)
-        return copies

@@ -8,14 +8,13 @@ gradient goes to the first ship that has it; torch shares it among equals.
 from __future__ import annotations
 
 from typing import Any, NamedTuple
-from weakref import WeakKeyDictionary
 
 import numpy as np
 import torch
 from torch import Tensor
 from torch.autograd.function import once_differentiable
 
-from ship_trl.fast.incremental import WeightCopies, as_numpy, round_up
+from ship_trl.fast.incremental import CopyCache, as_numpy, round_up
 from ship_trl.fast.packed_kernels import pool, unpool
 from ship_trl.learn.network import DuelingNetwork
 
@@ -106,7 +105,7 @@ class Packed:
 
     def __init__(self, dtype: torch.dtype) -> None:
         self.dtype = dtype
-        self._copies: WeakKeyDictionary[DuelingNetwork, WeightCopies] = WeakKeyDictionary()
+        self._copies = CopyCache(dtype)
 
     def __deepcopy__(self, memo: dict[int, Any]) -> Packed:
         """Return this backend itself: a copied network shares its backend."""
@@ -115,13 +114,9 @@ class Packed:
     def features(self, network: DuelingNetwork, observation: Tensor) -> Tensor:
         """Compute all layers of `layer_names`: float32 [B, F] to float32 [B, H]."""
         weights = [weight for layer in network.layers for weight in (layer.weight, layer.bias)]
-        copies = self._copies.get(network)
-        if copies is None or copies.pointers != [weight.data_ptr() for weight in weights]:
-            copies = self._copies[network] = WeightCopies(weights, self.dtype)
-        copies.refresh(weights)
-        config = network.config
+        layers, config = self._copies.layers(network, weights), network.config
         ships = pack(observation, config.own_numbers, config.ship_numbers, self.dtype)
-        return PackedLayers.apply(ships, config.per_ship, copies.layers, *weights)
+        return PackedLayers.apply(ships, config.per_ship, layers, *weights)
 
     def features_from(self, network: DuelingNetwork, frozen_features: Tensor) -> Tensor:
         """Raise: numbers are quick to compute, so that no replay stores what frozen layers make of them."""

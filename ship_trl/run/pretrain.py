@@ -32,7 +32,7 @@ NUMBERS = "observation=vector", "network.linear=[256,256,512,256]"
 SUITES = {
     "traffic": (range(1), NUMBERS),
     "traffic_rules": (range(1), (*NUMBERS, "margin.rules=300")),
-    # Its value is the network above, which was written before.
+    # Its teacher is the network that was written before it.
     "traffic_pixels": (range(1), ("algorithm=pupil", "algorithm.teacher=traffic")),
 }
 TEACHER = "algorithm.teacher"

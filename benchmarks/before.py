@@ -41,6 +41,8 @@ print(json.dumps({"import": time.perf_counter() - began}))
 """,
     "loop": """
 from benchmarks.ours import make_ours
+from ship_trl.run.process import configure_process
+configure_process()
 found = {}
 for arm in "scratch", "FE1", "FE2", "FE3", "FE4":
     ours = make_ours(arm)
@@ -55,6 +57,8 @@ print(json.dumps(found))
     "vector": """
 from benchmarks import curves
 from benchmarks.ours import Ours
+from ship_trl.run.process import configure_process
+configure_process()
 try:
     from benchmarks.ours import plan
 except ImportError:

@@ -9,7 +9,7 @@ only a similar one saves work.
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from typing import Any, NamedTuple
 from weakref import WeakKeyDictionary
 
@@ -119,60 +119,65 @@ def as_matrix(weight: Tensor) -> Tensor:
     return weight.permute(0, 2, 3, 1).view(len(weight), -1)
 
 
-def gathered_layer(rows: Tensor, index: Tensor | None, weight: Tensor, bias: Tensor) -> tuple[Tensor, Tensor]:
-    """Compute one conv layer: return the windows `rows[index]` and `relu(windows @ weight.T + bias)`.
-
-    Shapes: rows [R, C], index int32 [T, K] (None: rows are windows already), weight [O, K C],
-    bias [O]; returns [T, K C] and [T, O].
-    """
-    windows = rows
-    if index is not None:
-        windows = rows.index_select(0, index.view(-1)).view(len(index), weight.shape[1])
-    return windows, torch.addmm(bias, windows, weight.t()).relu_()
+def gather(rows: Tensor, index: Tensor | None) -> Tensor:
+    """Return the windows `rows[index]`, [T, K C] of rows [R, C] and int32 [T, K]; without an index the rows."""
+    if index is None:
+        return rows
+    return rows.index_select(0, index.view(-1)).view(len(index), index.shape[1] * rows.shape[1])
 
 
-class GatheredLayer(torch.autograd.Function):
-    """A conv layer on gathered rows, in the rows' precision; gradients of weights are float32.
+class GatheredLayers(torch.autograd.Function):
+    """Conv layers on gathered rows, in the rows' precision; gradients of weights are float32.
 
-    Shapes: rows [R, C]; index int32 [T, K] or None; weight float32 [O, C, H, W] channels last and its bias
-    float32 [O]; the same weights in the rows' precision, matrix [O, K C] and bias [O]. Returns [T, O].
+    Takes rows [R, C], and for each layer: an index, int32 [T, K] or None; a matrix [O, K C] and a bias [O] in
+    the precision of the rows; and at the end, in turn, the filters float32 [O, C, H, W], channels last, and
+    biases of which these are copies. Returns [T, O] of the last layer.
     """
 
     @staticmethod
     def forward(
         ctx: Any,
         rows: Tensor,
-        index: Tensor | None,
-        weight: Tensor,
-        _bias: Tensor,
-        matrix: Tensor,
-        bias: Tensor,
+        indices: Sequence[Tensor | None],
+        layers: Sequence[tuple[Tensor, Tensor]],
+        *weights: Tensor,
     ) -> Tensor:
-        """Gather the windows, multiply, apply ReLU."""
-        windows, out = gathered_layer(rows, index, matrix, bias)
-        ctx.save_for_backward(windows, index, matrix, out)
-        ctx.rows, ctx.filters = rows.shape, weight.shape
-        return out
+        """Gather the windows, multiply, apply ReLU, layer by layer."""
+        seen, out = [], []
+        for index, (matrix, bias) in zip(indices, layers, strict=True):
+            seen.append(gather(rows, index))
+            out.append(rows := torch.addmm(bias, seen[-1], matrix.t()).relu_())
+        ctx.save_for_backward(*seen, *out, *(matrix for matrix, _ in layers))
+        ctx.indices, ctx.filters = indices, [filters.shape for filters in weights[::2]]
+        return rows
 
     @staticmethod
     @once_differentiable
     def backward(ctx: Any, gradient: Tensor) -> tuple[Tensor | None, ...]:
-        """Compute the gradients of rows, weight and bias that are needed."""
-        windows, index, matrix, out = ctx.saved_tensors
-        gradient = torch.ops.aten.threshold_backward(gradient, out, 0)
-        to_rows = to_weight = to_bias = None
-        if ctx.needs_input_grad[0]:
-            to_rows = gradient @ matrix
-            if index is not None:
-                total = torch.zeros(ctx.rows, dtype=torch.float32)
-                kernels.scatter_add(as_numpy(to_rows.view(*index.shape, -1)), index.numpy(), total.numpy())
-                to_rows = total.to(gradient.dtype)
-        if ctx.needs_input_grad[2]:
-            filters, channels, height, width = ctx.filters
-            flat = (gradient.t() @ windows).float()
-            to_weight = flat.view(filters, height, width, channels).permute(0, 3, 1, 2)
-            to_bias = gradient.sum(0).float()
-        return to_rows, None, to_weight, to_bias, None, None
+        """Compute the gradients of the weights that learn."""
+        count = len(ctx.indices)
+        seen, out, matrices = (ctx.saved_tensors[k * count : (k + 1) * count] for k in range(3))
+        gradient, found = torch.ops.aten.threshold_backward(gradient, out[-1], 0), []
+        for n in reversed(range(count)):
+            learns = ctx.needs_input_grad[3 + 2 * n]
+            found.append(gradient.sum(0).float() if learns else None)
+            found.append(as_filters(gradient.t() @ seen[n], ctx.filters[n]) if learns else None)
+            if not any(ctx.needs_input_grad[3 : 3 + 2 * n]):
+                break
+            gradient = gradient @ matrices[n]
+            if ctx.indices[n] is None:
+                gradient = torch.ops.aten.threshold_backward(gradient, out[n - 1], 0)
+            else:
+                total = torch.zeros(out[n - 1].shape)
+                kernels.scatter_add(as_numpy(gradient), ctx.indices[n].numpy(), total.numpy())
+                gradient = torch.ops.aten.threshold_backward(total.to(gradient.dtype), out[n - 1], 0)
+        return (*[None] * (3 + 2 * count - len(found)), *reversed(found))
+
+
+def as_filters(matrix: Tensor, shape: torch.Size) -> Tensor:
+    """View a matrix [O, H W C] as float32 channels-last filters [O, C, H, W]."""
+    filters, channels, height, width = shape
+    return matrix.float().view(filters, height, width, channels).permute(0, 3, 1, 2)
 
 
 class WeightCopies:
@@ -276,12 +281,12 @@ class Incremental:
             return rows
         values, indices = rows
         weights = [weight for conv in network.layers for weight in (conv.weight, conv.bias)]
-        copies = self._copies.layers(network, weights)
         first = len(self.geometry) - len(indices)
-        for n in range(first, first + layers):
-            index, (matrix, bias) = indices[n - first], copies[n]
-            if torch.is_grad_enabled():
-                values = GatheredLayer.apply(values, index, weights[2 * n], weights[2 * n + 1], matrix, bias)
-            else:
-                _, values = gathered_layer(values, index, matrix, bias)
-        return Rows(values, indices[layers:])
+        copies = self._copies.layers(network, weights)[first : first + layers]
+        now, rest = indices[:layers], indices[layers:]
+        if torch.is_grad_enabled():
+            learning = weights[2 * first : 2 * (first + layers)]
+            return Rows(GatheredLayers.apply(values, now, copies, *learning), rest)
+        for index, (matrix, bias) in zip(now, copies, strict=True):
+            values = torch.addmm(bias, gather(values, index), matrix.t()).relu_()
+        return Rows(values, rest)

@@ -157,16 +157,17 @@ def widen(values: Array, row: Array, bits: Array) -> None:
 
 @compiled()
 def scatter_add(gradient: Array, index: Array, total: Array) -> None:
-    """Add each piece of `gradient` [R, K, C] to row `index` [R, K] of `total` float32 [T, C].
+    """Add each piece of `gradient` [R, K C] to row `index` [R, K] of `total` float32 [T, C].
 
     The gradient is float32, or bfloat16 viewed as uint16.
     """
     pieces, width = index.shape[1], total.shape[1]
-    bits = np.empty(width, np.uint32)
-    value = bits.view(np.float32)
+    bits = np.empty(pieces * width, np.uint32)
+    values = bits.view(np.float32)
     for r in range(index.shape[0]):
+        # All pieces at once: short loops would spend most of their time before the first number.
+        widen(gradient[r], values, bits)
         for k in range(pieces):
-            row = total[index[r, k]]
-            widen(gradient[r, k], value, bits)
+            row, piece = total[index[r, k]], values[k * width : (k + 1) * width]
             for c in range(width):
-                row[c] += value[c]
+                row[c] += piece[c]

@@ -120,7 +120,7 @@ def as_matrix(weight: Tensor) -> Tensor:
 
 
 def gather(rows: Tensor, index: Tensor | None) -> Tensor:
-    """Return the windows `rows[index]`, [T, K C] of rows [R, C] and int32 [T, K]; without an index the rows."""
+    """Return the windows [T, K C] at int32 [T, K] of rows [R, C]; without an index the rows."""
     if index is None:
         return rows
     return rows.index_select(0, index.view(-1)).view(len(index), index.shape[1] * rows.shape[1])

@@ -209,6 +209,10 @@ class CopyCache:
         self._dtype = dtype
         self._copies: WeakKeyDictionary[DuelingNetwork, WeightCopies] = WeakKeyDictionary()
 
+    def __reduce__(self) -> tuple[type[CopyCache], tuple[torch.dtype]]:
+        """Pickle it without copies: another process makes its own."""
+        return CopyCache, (self._dtype,)
+
     def layers(self, network: DuelingNetwork, weights: list[Tensor]) -> list[tuple[Tensor, Tensor]]:
         """Return the current copies of a network's weights and biases, given in turn."""
         copies = self._copies.get(network)

@@ -38,10 +38,13 @@ def pool(values: Array, first: Array, pooled: Array, which: Array) -> None:
 def unpool(gradient: Array, first: Array, which: Array, values: Array, rows: Array) -> None:
     """Write the gradient of `values` before their ReLU into `rows`, float32 [R, W]; the others as `pool`."""
     width = values.shape[1]
+    bits = np.empty(width, np.uint32)
+    value = bits.view(np.float32)
     for b in range(gradient.shape[0]):
         total, most, winner = gradient[b, :width], gradient[b, width:], which[b]
         for r in range(first[b], first[b + 1]):
-            here, value, row = np.int32(r), values[r], rows[r]
+            here, row = np.int32(r), rows[r]
+            widen(values[r], value, bits)
             for c in range(width):
                 into = total[c] + (most[c] if winner[c] == here else ZERO)
-                row[c] = into if value[c] else ZERO
+                row[c] = into if value[c] > ZERO else ZERO

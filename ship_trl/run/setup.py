@@ -15,12 +15,12 @@ from torch import Generator
 from ship_trl.config.arm import SourceWeights, forms
 from ship_trl.config.checks import reads_of
 from ship_trl.config.errors import ConfigError
-from ship_trl.config.types import Config, Learn
+from ship_trl.config.types import Config, Learn, Precision
 from ship_trl.fast.worlds import accelerator, make_env, make_starts
 from ship_trl.files.curve import Row
 from ship_trl.learn.algorithm import Algorithm, Setup, Teacher, build_algorithm
 from ship_trl.learn.masks import ACTION_MASK, Mask
-from ship_trl.learn.network import Draw, DuelingNetwork, make_network
+from ship_trl.learn.network import Draw, DuelingNetwork, make_backend, make_network
 from ship_trl.learn.rollout import Episode, greedy_policy, jumpstart, mean_return, rollout
 from ship_trl.learn.train import Training
 from ship_trl.policies.named import load_network
@@ -122,7 +122,7 @@ def make_parts(run: Run, device: torch.device, source: Source | None) -> Parts:
     # The rules are not symmetric: a mirror image would have other encounters.
     is_symmetric = not config.network.encounters
     if teacher is not None:
-        values = read_teacher(teacher, eval_env, config.fast)
+        values = read_teacher(teacher, eval_env, config)
         is_symmetric = is_symmetric and not read_look(teacher.path, TEACHER).network.encounters
     elif reads_of(config.algorithm).has_expert:
         values = make_expert(config)
@@ -338,16 +338,14 @@ def make_expert(config: Config) -> Teacher:
     return lambda state: values(state.cpu()).to(state.device)
 
 
-def read_teacher(teacher: TeacherFile, env: ShipEnv, fast: bool = True) -> Teacher:
-    """Return the teacher's Q-values in the run's scaled rewards, of states.
-
-    If it is `fast`, a CPU computes them by the backend that is quickest.
+def read_teacher(teacher: TeacherFile, env: ShipEnv, config: Config) -> Teacher:
+    """Return the teacher's Q-values in the run's scaled rewards, of states, in float32 by the run's backend.
 
     Raises:
         ConfigError: the file is invalid, or its network has other actions.
     """
     network = load_network(teacher.path, env, TEACHER)
     observe = env.observer(network.config, network.colour)
-    if (make := accelerator(fast).backend) is not None and env.device.type == "cpu":
-        network.backend = make(network, observe, torch.float32) or network.backend
+    learn, make = replace(config.learn, precision=Precision.fp32), accelerator(config.fast).backend
+    network.backend = make_backend(network, observe, learn, make)
     return lambda state: teacher.factor * network(observe(state))

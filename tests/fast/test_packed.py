@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import copy
+import pickle
 
+import numpy as np
 import pytest
 import torch
 from hypothesis import given
@@ -11,7 +13,9 @@ from hypothesis import strategies as st
 from torch import Generator, Tensor
 
 from ship_trl.config.network import load_network
+from ship_trl.fast.incremental import as_numpy
 from ship_trl.fast.packed import Packed
+from ship_trl.fast.packed_kernels import unpool
 from ship_trl.learn.network import Dense, DuelingNetwork, make_network
 
 CONFIG = load_network("vector")
@@ -81,3 +85,18 @@ def test_changed_and_copied_weights_are_seen(dtype: torch.dtype) -> None:
     with torch.no_grad():
         other.layers[0].weight.mul_(2.0)
     assert not torch.equal(other(seen), before) and torch.equal(network(seen), before)
+
+
+@pytest.mark.parametrize("dtype", [torch.float32, torch.bfloat16])
+def test_a_zero_of_either_sign_passes_no_gradient(dtype: torch.dtype) -> None:
+    values = torch.tensor([[0.0, -0.0, 1.0]], dtype=dtype)
+    rows, into, which = torch.full((1, 3), torch.nan), torch.ones(1, 6), torch.zeros(1, 3, dtype=torch.int32)
+    unpool(into.numpy(), np.array([0, 1]), which.numpy(), as_numpy(values), rows.numpy())
+    assert rows.tolist() == [[0.0, 0.0, 2.0]]
+
+
+def test_a_network_that_has_learned_goes_to_another_process() -> None:
+    network, seen = make_network(CONFIG, 7, Generator().manual_seed(0)), observations(4, 0)
+    network.backend = Packed(torch.float32)
+    q, _ = gradients(network, seen)
+    assert torch.equal(pickle.loads(pickle.dumps(network))(seen), q)

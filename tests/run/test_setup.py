@@ -158,7 +158,7 @@ def pupil(teacher: object, *others: str) -> Config:
 def read_teacher(config: Config, env: ShipEnv) -> Teacher:
     found = find_teacher(config)
     assert found is not None
-    return setup.read_teacher(found, env)
+    return setup.read_teacher(found, env, config)
 
 
 def saved(path: Path, seed: int = 0, actions: int = 7) -> Path:

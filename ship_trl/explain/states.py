@@ -13,20 +13,12 @@ from torch import Generator, Tensor
 from ship_trl.config.errors import ConfigError
 from ship_trl.explain.saliency import greedy_actions
 from ship_trl.learn.network import DuelingNetwork
+from ship_trl.sim import state as col
 from ship_trl.sim.env import ShipEnv
 from ship_trl.sim.geometry import angle_off_bow
 from ship_trl.sim.replay import with_replay
 from ship_trl.sim.scene import VIEW_RADIUS
-from ship_trl.sim.state import (
-    HEADING,
-    STEP,
-    goal,
-    goal_distance,
-    initial_state,
-    position,
-    relative_positions,
-    target_ships,
-)
+from ship_trl.sim.state import goal, goal_distance, initial_state, position, relative_positions, target_ships
 from ship_trl.sim.transition import Transition
 
 Bools = NDArray[np.bool_]
@@ -126,9 +118,9 @@ def run_episodes(env: ShipEnv, network: DuelingNetwork, count: int, generator: G
     shift = 2.0 * torch.rand(count, 3, generator=generator) - 1.0
     state = start.repeat(count, 1)
     position(state).add_(along * (goal(start) - position(start)) + MAX_SHIFT * shift[:, :2])
-    state[:, HEADING] += MAX_TURN * shift[:, 2]
+    state[:, col.HEADING] += MAX_TURN * shift[:, 2]
     latest = max(0, world.max_steps - EPISODE_STEPS)
-    state[:, STEP] = torch.randint(latest + 1, (count,), generator=generator).float()
+    state[:, col.STEP] = torch.randint(latest + 1, (count,), generator=generator).float()
     is_random = torch.arange(count) % 2 == 0
     clearance = torch.linalg.vector_norm(relative_positions(state), dim=-1)
     running = (clearance > world.safe_distance).all(-1) & (goal_distance(state) > world.goal_distance)
@@ -159,7 +151,7 @@ def measure_quantities(states: Tensor) -> list[Quantity]:
     points |= {f"ship {k}": ship for k, ship in enumerate(ships.unbind(1), 1)}
     found = []
     for name, point in points.items():
-        angle = angle_off_bow(position(states), states[:, HEADING], point).double()
+        angle = angle_off_bow(position(states), states[:, col.HEADING], point).double()
         distance = torch.linalg.vector_norm(point - position(states), dim=-1).double()
         inside = (distance <= VIEW_RADIUS).numpy()
         always = np.ones_like(inside) if name == "the goal" else inside

@@ -9,25 +9,8 @@ import numpy as np
 
 from ship_trl.fast.jit import compiled
 from ship_trl.fast.step import closest_approach, give_way
+from ship_trl.sim import state as col
 from ship_trl.sim.cases import GIVES_WAY, GIVING_WAY
-from ship_trl.sim.state import (
-    GOAL_X,
-    GOAL_Y,
-    HEADING,
-    OWN_SIZE,
-    SHIP_BEHAVIOUR,
-    SHIP_COUNT,
-    SHIP_HEADING,
-    SHIP_SIZE,
-    SHIP_SPEED,
-    SHIP_X,
-    SHIP_Y,
-    SPEED,
-    STEP,
-    YAW_RATE,
-    X,
-    Y,
-)
 
 Array = np.ndarray[Any, Any]
 # Steps: longer than any episode.
@@ -47,7 +30,7 @@ def steer_by(off: float, actions: Array, dt: float) -> int:
 @compiled()
 def steer(row: Array, actions: Array, dt: float) -> int:
     """Return the action whose turn brings the bow nearest to the goal in a state [S]."""
-    off = math.atan2(row[GOAL_Y] - row[Y], row[GOAL_X] - row[X]) - row[HEADING]
+    off = math.atan2(row[col.GOAL_Y] - row[col.Y], row[col.GOAL_X] - row[col.X]) - row[col.HEADING]
     off -= 2 * math.pi * math.floor((off + math.pi) / (2 * math.pi))
     return steer_by(off, actions, dt)
 
@@ -64,26 +47,26 @@ def keeps_clear(
     """
     dt, safe = constants[:2]
     tcpa, dcpa, rule_turn = constants[8:]
-    ship, way = row[place:], row[place + SHIP_SPEED] * dt
-    is_giving = ship[SHIP_BEHAVIOUR] == GIVING_WAY
+    ship, way = row[place:], row[place + col.SHIP_SPEED] * dt
+    is_giving = ship[col.SHIP_BEHAVIOUR] == GIVING_WAY
     if not is_giving:
-        east, north = way * math.cos(ship[SHIP_HEADING]), way * math.sin(ship[SHIP_HEADING])
-        x, y = ship[SHIP_X] + t * east, ship[SHIP_Y] + t * north
-        if closest_approach(x - now[X], y - now[Y], x + east - new[0], y + north - new[1]) < safe:
+        east, north = way * math.cos(ship[col.SHIP_HEADING]), way * math.sin(ship[col.SHIP_HEADING])
+        x, y = ship[col.SHIP_X] + t * east, ship[col.SHIP_Y] + t * north
+        if closest_approach(x - now[col.X], y - now[col.Y], x + east - new[0], y + north - new[1]) < safe:
             return False
     if not (is_giving or reacting):
         return True
     ship = now[place:]
     course, behaviour = give_way(now, place, tcpa, dcpa, rule_turn)
-    x, y = ship[SHIP_X], ship[SHIP_Y]
+    x, y = ship[col.SHIP_X], ship[col.SHIP_Y]
     east, north = way * math.cos(course), way * math.sin(course)
-    ship[SHIP_X], ship[SHIP_Y], ship[SHIP_HEADING], ship[SHIP_BEHAVIOUR] = (
+    ship[col.SHIP_X], ship[col.SHIP_Y], ship[col.SHIP_HEADING], ship[col.SHIP_BEHAVIOUR] = (
         x + east,
         y + north,
         course,
         behaviour,
     )
-    nearest = closest_approach(x - now[X], y - now[Y], x + east - new[0], y + north - new[1])
+    nearest = closest_approach(x - now[col.X], y - now[col.Y], x + east - new[0], y + north - new[1])
     return bool(nearest >= safe)
 
 
@@ -113,10 +96,10 @@ def arrives(
     dt, _, goal_distance, max_steps = constants[:4]
     left_speed, left_turn, mean_speed, mean_turn = constants[4:8]
     now = row.copy()
-    for k in range(int(row[SHIP_COUNT])):
-        behaviour = OWN_SIZE + SHIP_SIZE * k + SHIP_BEHAVIOUR
+    for k in range(int(row[col.SHIP_COUNT])):
+        behaviour = col.OWN_SIZE + col.SHIP_SIZE * k + col.SHIP_BEHAVIOUR
         now[behaviour] = max(now[behaviour], GIVES_WAY)
-    left = int(max_steps - row[STEP])
+    left = int(max_steps - row[col.STEP])
     for t in range(min(horizon, left)):
         if t == 0:
             action = first
@@ -127,16 +110,16 @@ def arrives(
         else:
             action = steer(now, actions, dt)
         speed, turn = actions[action, 0], actions[action, 1]
-        speed_lag, turn_lag = now[SPEED] - speed, now[YAW_RATE] - turn
-        heading = now[HEADING] + (turn + turn_lag * mean_turn) * dt
+        speed_lag, turn_lag = now[col.SPEED] - speed, now[col.YAW_RATE] - turn
+        heading = now[col.HEADING] + (turn + turn_lag * mean_turn) * dt
         way = (speed + speed_lag * mean_speed) * dt
-        new = now[X] + way * math.cos(heading), now[Y] + way * math.sin(heading)
-        for k in range(int(row[SHIP_COUNT])):
-            if not keeps_clear(row, now, t, OWN_SIZE + SHIP_SIZE * k, new, constants, reacting):
+        new = now[col.X] + way * math.cos(heading), now[col.Y] + way * math.sin(heading)
+        for k in range(int(row[col.SHIP_COUNT])):
+            if not keeps_clear(row, now, t, col.OWN_SIZE + col.SHIP_SIZE * k, new, constants, reacting):
                 return False
-        now[X], now[Y], now[HEADING] = new[0], new[1], heading
-        now[SPEED], now[YAW_RATE] = speed + speed_lag * left_speed, turn + turn_lag * left_turn
-        if math.hypot(row[GOAL_X] - new[0], row[GOAL_Y] - new[1]) <= goal_distance:
+        now[col.X], now[col.Y], now[col.HEADING] = new[0], new[1], heading
+        now[col.SPEED], now[col.YAW_RATE] = speed + speed_lag * left_speed, turn + turn_lag * left_turn
+        if math.hypot(row[col.GOAL_X] - new[0], row[col.GOAL_Y] - new[1]) <= goal_distance:
             return True
     return horizon <= left
 
@@ -158,7 +141,7 @@ def stay_clear(
     """
     for n in range(state.shape[0]):
         row, found[n] = state[n], False
-        steps = min(horizon, int(constants[3] - row[STEP]))
+        steps = min(horizon, int(constants[3] - row[col.STEP]))
         for p in range(table.shape[0]):
             for a in range(allowed.shape[1]):
                 if allowed[n, a] and arrives(row, a, table[p], actions, constants, straight, False, steps):

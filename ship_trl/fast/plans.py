@@ -20,31 +20,11 @@ from ship_trl.fast.jit import RELAXED, compiled
 from ship_trl.fast.manoeuvres import steer_by
 from ship_trl.fast.step import bearing_of, closest_approach, constants, must_give_way, step_reward
 from ship_trl.fast.track import GIVE_WAY, HEAD_ON, NONE, action_of, begins_as, is_to_stand_on
+from ship_trl.sim import state as col
 from ship_trl.sim.cases import GIVES_WAY, GIVING_WAY
 from ship_trl.sim.encounter import Tracker
 from ship_trl.sim.reward import MAX_SHIP_DISTANCE, PaidStep, reward_amounts
 from ship_trl.sim.rules import COLLISION, GAINS, PASS, RADII, STAGE3, STAGE4
-from ship_trl.sim.state import (
-    GOAL_X,
-    GOAL_Y,
-    HEADING,
-    OWN_SIZE,
-    SHIP_ACTION,
-    SHIP_BEHAVIOUR,
-    SHIP_CLASS,
-    SHIP_COUNT,
-    SHIP_HEADING,
-    SHIP_ONSET_HEADING,
-    SHIP_SIZE,
-    SHIP_SPEED,
-    SHIP_X,
-    SHIP_Y,
-    SPEED,
-    STEP,
-    YAW_RATE,
-    X,
-    Y,
-)
 
 Array = np.ndarray[Any, Any]
 # Steps that a hardest turn is held, and steps straight on after it. They lie close: the rest of a manoeuvre
@@ -53,8 +33,8 @@ HOLD, STRAIGHT = (*range(1, 13), 16), (0, 2, 5, 9, 14)
 # Steps that straight on is held, and those that another action is.
 WAIT, BRIEFLY = (*range(1, 13), 16, 20, 25), (1, 8)
 # Behind a ship's numbers of a state: its velocity, and place and TCPA relative to own ship before a step.
-VELOCITY_X, VELOCITY_Y, BEFORE_X, BEFORE_Y, BEFORE_TCPA = range(SHIP_SIZE, SHIP_SIZE + 5)
-SHIP = SHIP_SIZE + 5
+VELOCITY_X, VELOCITY_Y, BEFORE_X, BEFORE_Y, BEFORE_TCPA = range(col.SHIP_SIZE, col.SHIP_SIZE + 5)
+SHIP = col.SHIP_SIZE + 5
 # Radians: nearer to the bow the goal counts as ahead.
 AHEAD = 0.006
 # Share of the speed: with more to gain, ships that fall behind may come nearer again.
@@ -73,24 +53,24 @@ def move(ship: Array, own: tuple[float, float, float, float, float], limits: Arr
     """Move a ship [SHIP] by a step, and write where it was relative to own ship: place, heading, velocity."""
     x, y, heading, own_x, own_y = own
     dt, tcpa, dcpa, turn = limits[0], limits[8], limits[9], limits[10]
-    away_x, away_y = ship[SHIP_X] - x, ship[SHIP_Y] - y
+    away_x, away_y = ship[col.SHIP_X] - x, ship[col.SHIP_Y] - y
     velocity_x, velocity_y = ship[VELOCITY_X] - own_x, ship[VELOCITY_Y] - own_y
     time = tcpa_of(away_x, away_y, velocity_x, velocity_y)
     ship[BEFORE_X], ship[BEFORE_Y], ship[BEFORE_TCPA] = away_x, away_y, time
-    if ship[SHIP_BEHAVIOUR] in (GIVES_WAY, GIVING_WAY):
+    if ship[col.SHIP_BEHAVIOUR] in (GIVES_WAY, GIVING_WAY):
         is_near = math.hypot(away_x + time * velocity_x, away_y + time * velocity_y) < dcpa
-        is_giving = time > 0 and ship[SHIP_BEHAVIOUR] == GIVING_WAY
+        is_giving = time > 0 and ship[col.SHIP_BEHAVIOUR] == GIVING_WAY
         if time > 0 and is_near and time <= tcpa and not is_giving:
-            bearing = bearing_of(-away_x, -away_y, ship[SHIP_HEADING])
+            bearing = bearing_of(-away_x, -away_y, ship[col.SHIP_HEADING])
             is_giving = must_give_way(bearing, bearing_of(away_x, away_y, heading))
-        ship[SHIP_BEHAVIOUR] = GIVING_WAY if is_giving else GIVES_WAY
+        ship[col.SHIP_BEHAVIOUR] = GIVING_WAY if is_giving else GIVES_WAY
         if is_giving and is_near:
-            course = ship[SHIP_HEADING] - turn
-            ship[SHIP_HEADING] = course
-            ship[VELOCITY_X] = ship[SHIP_SPEED] * math.cos(course)
-            ship[VELOCITY_Y] = ship[SHIP_SPEED] * math.sin(course)
-    ship[SHIP_X] += ship[VELOCITY_X] * dt
-    ship[SHIP_Y] += ship[VELOCITY_Y] * dt
+            course = ship[col.SHIP_HEADING] - turn
+            ship[col.SHIP_HEADING] = course
+            ship[VELOCITY_X] = ship[col.SHIP_SPEED] * math.cos(course)
+            ship[VELOCITY_Y] = ship[col.SHIP_SPEED] * math.sin(course)
+    ship[col.SHIP_X] += ship[VELOCITY_X] * dt
+    ship[col.SHIP_Y] += ship[VELOCITY_Y] * dt
 
 
 @compiled(RELAXED)
@@ -103,7 +83,7 @@ def lack_at_approach(ship: Array, x: float, y: float, heading: float, kind: int,
     for k in range(3):
         low, high = RADII[k] * safe / COLLISION, RADII[k + 1] * safe / COLLISION
         ranged += GAINS[k] * min(max((distance - low) / (high - low), 0.0), 1.0)
-    bearing, aspect = bearing_of(x, y, heading), bearing_of(-x, -y, ship[SHIP_HEADING])
+    bearing, aspect = bearing_of(x, y, heading), bearing_of(-x, -y, ship[col.SHIP_HEADING])
     pose = 0.25 * min(1 - math.cos(aspect), 1.0) + 0.75 * min(1 - math.cos(bearing), 1.0)
     lack = 1 - (ranged + (1 - ranged) * pose) * (distance >= safe)
     if kind == HEAD_ON:
@@ -125,10 +105,10 @@ def pay(
 ) -> tuple[float, bool]:
     """Track a ship [SHIP] after a step; return what the step earns, and whether the ship comes nearer."""
     x, y, heading, own_x, own_y = own
-    away_x, away_y = ship[SHIP_X] - x, ship[SHIP_Y] - y
+    away_x, away_y = ship[col.SHIP_X] - x, ship[col.SHIP_Y] - y
     velocity_x, velocity_y = ship[VELOCITY_X] - own_x, ship[VELOCITY_Y] - own_y
     time = tcpa_of(away_x, away_y, velocity_x, velocity_y)
-    had, paid = int(ship[SHIP_CLASS]), 0.0
+    had, paid = int(ship[col.SHIP_CLASS]), 0.0
     kind = had
     if had != NONE and time < 0 and math.hypot(away_x, away_y) > limits[2]:
         kind = NONE
@@ -137,18 +117,18 @@ def pay(
             (away_x, away_y, velocity_x, velocity_y),
             time,
             heading,
-            ship[SHIP_HEADING],
-            ship[SHIP_SPEED],
+            ship[col.SHIP_HEADING],
+            ship[col.SHIP_SPEED],
             limits,
         )
         if kind != NONE:
-            ship[SHIP_CLASS], ship[SHIP_ONSET_HEADING], ship[SHIP_ACTION] = kind, heading, 0.0
+            ship[col.SHIP_CLASS], ship[col.SHIP_ONSET_HEADING], ship[col.SHIP_ACTION] = kind, heading, 0.0
             return 0.0, True
     acted = 0.0
     if kind != NONE:
-        action = max(ship[SHIP_ACTION], action_of(kind, ship[SHIP_ONSET_HEADING] - heading, slowed))
-        acted, ship[SHIP_ACTION] = action - ship[SHIP_ACTION], action
-    ship[SHIP_CLASS] = kind
+        action = max(ship[col.SHIP_ACTION], action_of(kind, ship[col.SHIP_ONSET_HEADING] - heading, slowed))
+        acted, ship[col.SHIP_ACTION] = action - ship[col.SHIP_ACTION], action
+    ship[col.SHIP_CLASS] = kind
     if had != NONE:
         distance = math.hypot(ship[BEFORE_X], ship[BEFORE_Y])
         if is_to_stand_on(had):
@@ -175,7 +155,7 @@ def meet(
     for k in range(ships.shape[0]):
         ship = ships[k]
         move(ship, before, limits)
-        passed = closest_approach(ship[BEFORE_X], ship[BEFORE_Y], ship[SHIP_X] - x, ship[SHIP_Y] - y)
+        passed = closest_approach(ship[BEFORE_X], ship[BEFORE_Y], ship[col.SHIP_X] - x, ship[col.SHIP_Y] - y)
         nearest = min(nearest, passed)
     return nearest
 
@@ -218,12 +198,12 @@ def follow(
     left_speed, left_turn, mean_speed, mean_turn = limits[4:8]
     margin, penalty, rules, sunk = extra
     width = max(margin - safe, np.float32(1e-6))
-    x, y, heading, speed, yaw = row[X], row[Y], row[HEADING], row[SPEED], row[YAW_RATE]
+    x, y, heading, speed, yaw = row[col.X], row[col.Y], row[col.HEADING], row[col.SPEED], row[col.YAW_RATE]
     cos, sin = math.cos(heading), math.sin(heading)
-    off = wrapped(math.atan2(row[GOAL_Y] - y, row[GOAL_X] - x) - heading)
+    off = wrapped(math.atan2(row[col.GOAL_Y] - y, row[col.GOAL_X] - x) - heading)
     first, total, discount, nearing = -1, 0.0, 1.0, True
     hold, wait = plan[1], plan[2]
-    for _ in range(int(max_steps - row[STEP])):
+    for _ in range(int(max_steps - row[col.STEP])):
         if hold > 0:
             action, hold = plan[0], hold - 1
         elif wait > 0:
@@ -242,7 +222,7 @@ def follow(
         x, y = x + way * cos, y + way * sin
         # Behind the last ship that comes nearer, and straight for the goal, nothing more is paid for ships.
         nearest = meet(ships, now, x, y, limits) if nearing else MAX_SHIP_DISTANCE
-        east, north = row[GOAL_X] - x, row[GOAL_Y] - y
+        east, north = row[col.GOAL_X] - x, row[col.GOAL_Y] - y
         distance = math.hypot(east, north)
         off = wrapped(math.atan2(north, east) - heading)
         collided = nearest < safe
@@ -294,15 +274,15 @@ def plan_values(
         gamma: discount of a step.
         values: written.
     """
-    places = (states.shape[1] - OWN_SIZE) // SHIP_SIZE
+    places = (states.shape[1] - col.OWN_SIZE) // col.SHIP_SIZE
     ships, moved = np.empty((places, SHIP)), np.empty((places, SHIP))
     for n in range(states.shape[0]):
-        row, count = states[n], int(states[n, SHIP_COUNT])
+        row, count = states[n], int(states[n, col.SHIP_COUNT])
         for k in range(count):
-            for i in range(SHIP_SIZE):
-                ships[k, i] = row[OWN_SIZE + SHIP_SIZE * k + i]
-            ships[k, VELOCITY_X] = ships[k, SHIP_SPEED] * math.cos(ships[k, SHIP_HEADING])
-            ships[k, VELOCITY_Y] = ships[k, SHIP_SPEED] * math.sin(ships[k, SHIP_HEADING])
+            for i in range(col.SHIP_SIZE):
+                ships[k, i] = row[col.OWN_SIZE + col.SHIP_SIZE * k + i]
+            ships[k, VELOCITY_X] = ships[k, col.SHIP_SPEED] * math.cos(ships[k, col.SHIP_HEADING])
+            ships[k, VELOCITY_Y] = ships[k, col.SHIP_SPEED] * math.sin(ships[k, col.SHIP_HEADING])
         values[n] = -np.inf
         for p in range(table.shape[0]):
             moved[:count] = ships[:count]

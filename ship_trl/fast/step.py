@@ -18,26 +18,9 @@ from torch import Tensor
 from ship_trl.config.types import World
 from ship_trl.fast.jit import RELAXED, Loop, compiled
 from ship_trl.sim import encounter, starts
+from ship_trl.sim import state as col
 from ship_trl.sim.cases import GIVES_WAY, GIVING_WAY
 from ship_trl.sim.reward import MAX_SHIP_DISTANCE, POSITION_TOLERANCE, TERMS, PaidStep
-from ship_trl.sim.state import (
-    GOAL_X,
-    GOAL_Y,
-    HEADING,
-    OWN_SIZE,
-    SHIP_BEHAVIOUR,
-    SHIP_COUNT,
-    SHIP_HEADING,
-    SHIP_SIZE,
-    SHIP_SPEED,
-    SHIP_X,
-    SHIP_Y,
-    SPEED,
-    STEP,
-    YAW_RATE,
-    X,
-    Y,
-)
 from ship_trl.sim.transition import Outcome, Transition, lag_shares
 
 Array = np.ndarray[Any, Any]
@@ -98,16 +81,16 @@ def give_way(row: Array, ship: int, tcpa: Number, dcpa: Number, turn: Number) ->
 
     `row` [S] is a state, in which the ship's numbers begin at `ship`; the rest is of `constants`.
     """
-    course, speed = row[ship + SHIP_HEADING], row[ship + SHIP_SPEED]
-    away_x, away_y = row[ship + SHIP_X] - row[X], row[ship + SHIP_Y] - row[Y]
-    velocity_x = speed * math.cos(course) - row[SPEED] * math.cos(row[HEADING])
-    velocity_y = speed * math.sin(course) - row[SPEED] * math.sin(row[HEADING])
+    course, speed = row[ship + col.SHIP_HEADING], row[ship + col.SHIP_SPEED]
+    away_x, away_y = row[ship + col.SHIP_X] - row[col.X], row[ship + col.SHIP_Y] - row[col.Y]
+    velocity_x = speed * math.cos(course) - row[col.SPEED] * math.cos(row[col.HEADING])
+    velocity_y = speed * math.sin(course) - row[col.SPEED] * math.sin(row[col.HEADING])
     speed2 = velocity_x * velocity_x + velocity_y * velocity_y
     time = -(away_x * velocity_x + away_y * velocity_y) / speed2 if speed2 > 0 else ZERO
     is_near = math.hypot(away_x + time * velocity_x, away_y + time * velocity_y) < dcpa
-    is_giving = time > 0 and row[ship + SHIP_BEHAVIOUR] == GIVING_WAY
+    is_giving = time > 0 and row[ship + col.SHIP_BEHAVIOUR] == GIVING_WAY
     if time > 0 and is_near and time <= tcpa and not is_giving:
-        bearing, aspect = bearing_of(-away_x, -away_y, course), bearing_of(away_x, away_y, row[HEADING])
+        bearing, aspect = bearing_of(-away_x, -away_y, course), bearing_of(away_x, away_y, row[col.HEADING])
         is_giving = must_give_way(bearing, aspect)
     behaviour = float32(GIVING_WAY if is_giving else GIVES_WAY)
     return course - (turn if is_giving and is_near else ZERO), behaviour
@@ -156,41 +139,45 @@ def step(
         row, moved = state[n], after[n]
         for i in range(row.shape[0]):
             moved[i] = row[i]
-        x, y = row[X], row[Y]
+        x, y = row[col.X], row[col.Y]
         speed, turn = actions[action[n]]
-        speed_lag, turn_lag = row[SPEED] - speed, row[YAW_RATE] - turn
-        heading = row[HEADING] + (turn + turn_lag * mean_turn) * dt
+        speed_lag, turn_lag = row[col.SPEED] - speed, row[col.YAW_RATE] - turn
+        heading = row[col.HEADING] + (turn + turn_lag * mean_turn) * dt
         way = (speed + speed_lag * mean_speed) * dt
         new_x, new_y = x + way * math.cos(heading), y + way * math.sin(heading)
         nearest = float32(np.inf)
-        for k in range((row.shape[0] - OWN_SIZE) // SHIP_SIZE):
-            if k >= row[SHIP_COUNT]:
+        for k in range((row.shape[0] - col.OWN_SIZE) // col.SHIP_SIZE):
+            if k >= row[col.SHIP_COUNT]:
                 break
-            ship = OWN_SIZE + SHIP_SIZE * k
-            ship_x, ship_y, course = row[ship + SHIP_X], row[ship + SHIP_Y], row[ship + SHIP_HEADING]
-            if row[ship + SHIP_BEHAVIOUR] in (GIVES_WAY, GIVING_WAY):
-                course, moved[ship + SHIP_BEHAVIOUR] = give_way(row, ship, tcpa, dcpa, rule_turn)
-                moved[ship + SHIP_HEADING] = course
-            ship_way = row[ship + SHIP_SPEED] * dt
+            ship = col.OWN_SIZE + col.SHIP_SIZE * k
+            ship_x, ship_y, course = (
+                row[ship + col.SHIP_X],
+                row[ship + col.SHIP_Y],
+                row[ship + col.SHIP_HEADING],
+            )
+            if row[ship + col.SHIP_BEHAVIOUR] in (GIVES_WAY, GIVING_WAY):
+                course, moved[ship + col.SHIP_BEHAVIOUR] = give_way(row, ship, tcpa, dcpa, rule_turn)
+                moved[ship + col.SHIP_HEADING] = course
+            ship_way = row[ship + col.SHIP_SPEED] * dt
             new_ship_x = ship_x + ship_way * math.cos(course)
             new_ship_y = ship_y + ship_way * math.sin(course)
-            moved[ship + SHIP_X], moved[ship + SHIP_Y] = new_ship_x, new_ship_y
+            moved[ship + col.SHIP_X], moved[ship + col.SHIP_Y] = new_ship_x, new_ship_y
             nearest = min(
                 nearest, closest_approach(ship_x - x, ship_y - y, new_ship_x - new_x, new_ship_y - new_y)
             )
-        east, north = row[GOAL_X] - new_x, row[GOAL_Y] - new_y
+        east, north = row[col.GOAL_X] - new_x, row[col.GOAL_Y] - new_y
         distance = math.hypot(east, north)
         # Becomes float64 below, because `floor` returns an integer.
         off_bow = math.atan2(north, east) - heading
         off_bow -= float32(2 * math.pi) * math.floor((off_bow + float32(math.pi)) / float32(2 * math.pi))
         collided = nearest < safe_distance
         reached = distance <= goal_distance and not collided
-        moved[X], moved[Y], moved[HEADING] = new_x, new_y, heading
-        moved[SPEED], moved[YAW_RATE] = speed + speed_lag * left_speed, turn + turn_lag * left_turn
-        moved[STEP] = row[STEP] + ONE
+        moved[col.X], moved[col.Y], moved[col.HEADING] = new_x, new_y, heading
+        moved[col.SPEED], moved[col.YAW_RATE] = speed + speed_lag * left_speed, turn + turn_lag * left_turn
+        moved[col.STEP] = row[col.STEP] + ONE
         to_goal[0, n], to_goal[1, n], min_distance[n] = distance, off_bow, nearest
         flags[0, n], flags[1, n] = reached, collided
-        flags[2, n] = moved[STEP] >= max_steps and not reached and not collided
+        flags[2, n] = moved[col.STEP] >= max_steps and not reached and not collided
 
 
 @compiled(RELAXED)

@@ -12,26 +12,8 @@ from torch import Tensor
 from ship_trl.fast.jit import compiled
 from ship_trl.fast.step import bearing_of
 from ship_trl.sim import encounter
+from ship_trl.sim import state as col
 from ship_trl.sim.encounter import LEAST_APPROACH, SPEED_CHANGE, TURN, Encounter
-from ship_trl.sim.state import (
-    HEADING,
-    OWN_SIZE,
-    SHIP_ACTION,
-    SHIP_CLASS,
-    SHIP_COUNT,
-    SHIP_HEADING,
-    SHIP_ONSET,
-    SHIP_ONSET_HEADING,
-    SHIP_SIZE,
-    SHIP_SPEED,
-    SHIP_TURN,
-    SHIP_X,
-    SHIP_Y,
-    SPEED,
-    STEP,
-    X,
-    Y,
-)
 
 Array = np.ndarray[Any, Any]
 NONE, HEAD_ON, GIVE_WAY, STAND_ON, OVERTAKING, OVERTAKEN = map(int, Encounter)
@@ -96,23 +78,23 @@ def action_of(kind: int, turned: float, slowed: float) -> float:
 @compiled()
 def track_ship(row: Array, ship: int, slowed: float, limits: tuple[float, float, float, float]) -> None:
     """Write class, onset and action of the ship whose numbers begin at `ship` in a state [S]."""
-    course, speed = row[ship + SHIP_HEADING], row[ship + SHIP_SPEED]
-    x, y = row[ship + SHIP_X] - row[X], row[ship + SHIP_Y] - row[Y]
-    velocity_x = speed * math.cos(course) - row[SPEED] * math.cos(row[HEADING])
-    velocity_y = speed * math.sin(course) - row[SPEED] * math.sin(row[HEADING])
+    course, speed = row[ship + col.SHIP_HEADING], row[ship + col.SHIP_SPEED]
+    x, y = row[ship + col.SHIP_X] - row[col.X], row[ship + col.SHIP_Y] - row[col.Y]
+    velocity_x = speed * math.cos(course) - row[col.SPEED] * math.cos(row[col.HEADING])
+    velocity_y = speed * math.sin(course) - row[col.SPEED] * math.sin(row[col.HEADING])
     speed2 = velocity_x * velocity_x + velocity_y * velocity_y
     time = -(x * velocity_x + y * velocity_y) / speed2 if speed2 > 0 else 0.0
-    kind = int(row[ship + SHIP_CLASS])
-    if row[STEP] == 0 or (time < 0 and math.hypot(x, y) > limits[2]):
+    kind = int(row[ship + col.SHIP_CLASS])
+    if row[col.STEP] == 0 or (time < 0 and math.hypot(x, y) > limits[2]):
         kind = NONE
     if kind != NONE:
-        action = action_of(kind, row[ship + SHIP_ONSET_HEADING] - row[HEADING], slowed)
-        row[ship + SHIP_ACTION] = max(row[ship + SHIP_ACTION], action)
+        action = action_of(kind, row[ship + col.SHIP_ONSET_HEADING] - row[col.HEADING], slowed)
+        row[ship + col.SHIP_ACTION] = max(row[ship + col.SHIP_ACTION], action)
         return
-    kind = begins_as((x, y, velocity_x, velocity_y), time, row[HEADING], course, speed, limits)
-    row[ship + SHIP_CLASS], row[ship + SHIP_ACTION] = kind, 0.0
-    row[ship + SHIP_ONSET] = row[STEP] if kind != NONE else 0.0
-    row[ship + SHIP_ONSET_HEADING] = row[HEADING] if kind != NONE else 0.0
+    kind = begins_as((x, y, velocity_x, velocity_y), time, row[col.HEADING], course, speed, limits)
+    row[ship + col.SHIP_CLASS], row[ship + col.SHIP_ACTION] = kind, 0.0
+    row[ship + col.SHIP_ONSET] = row[col.STEP] if kind != NONE else 0.0
+    row[ship + col.SHIP_ONSET_HEADING] = row[col.HEADING] if kind != NONE else 0.0
 
 
 @compiled()
@@ -122,12 +104,12 @@ def track(
     """Write what has happened to each target ship into states [N, S] after a step; see `Tracker`."""
     for n in range(after.shape[0]):
         row = after[n]
-        slowed = abs(row[SPEED] / cruise - 1)
-        for k in range(int(row[SHIP_COUNT])):
-            ship = OWN_SIZE + SHIP_SIZE * k
-            swung = row[ship + SHIP_HEADING] - before[n, ship + SHIP_HEADING]
+        slowed = abs(row[col.SPEED] / cruise - 1)
+        for k in range(int(row[col.SHIP_COUNT])):
+            ship = col.OWN_SIZE + col.SHIP_SIZE * k
+            swung = row[ship + col.SHIP_HEADING] - before[n, ship + col.SHIP_HEADING]
             swung -= 2 * math.pi * math.floor((swung + math.pi) / (2 * math.pi))
-            row[ship + SHIP_TURN] = swung / dt
+            row[ship + col.SHIP_TURN] = swung / dt
             track_ship(row, ship, slowed, limits)
 
 

@@ -11,7 +11,7 @@ from torch import Tensor
 from ship_trl.config.bounds import KNOT, NAUTICAL_MILE
 from ship_trl.config.types import Situations, World
 from ship_trl.formats.situation import PLACE, START, Plane, Ship, Situation
-from ship_trl.sim import state as layout
+from ship_trl.sim import state as col
 from ship_trl.sim.cases import Case
 from ship_trl.sim.scale import Scale
 
@@ -27,11 +27,9 @@ def situation_of(case: Case, states: Tensor, world: World) -> Situation:
     start = datetime.fromisoformat(scale.start) if scale.start else START
     seconds = np.arange(len(states)) * world.dt * scale.time
     states = states.double()
-    count = int(states[0, layout.SHIP_COUNT])
-    own = states[:, [layout.X, layout.Y, layout.HEADING, layout.SPEED]]
-    others = layout.target_ships(states)[
-        :, :count, [layout.SHIP_X, layout.SHIP_Y, layout.SHIP_HEADING, layout.SHIP_SPEED]
-    ]
+    count = int(states[0, col.SHIP_COUNT])
+    own = states[:, [col.X, col.Y, col.HEADING, col.SPEED]]
+    others = col.target_ships(states)[:, :count, [col.SHIP_X, col.SHIP_Y, col.SHIP_HEADING, col.SHIP_SPEED]]
     ships = []
     for rows in (own, *others.unbind(1)):
         x, y = (rows[:, :2] - own[0, :2]).numpy().T * scale.length

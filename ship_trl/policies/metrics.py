@@ -31,6 +31,7 @@ from torch.nn.utils.rnn import pad_sequence
 from ship_trl.config.bounds import HEAD_ON_DEGREES, RULES
 from ship_trl.config.types import World
 from ship_trl.learn.rollout import Episode
+from ship_trl.sim import state as col
 from ship_trl.sim.encounter import (
     SPEED_CHANGE,
     TURN,
@@ -43,17 +44,7 @@ from ship_trl.sim.encounter import (
 )
 from ship_trl.sim.geometry import angle_off_bow, nearest_points, wrap_angle
 from ship_trl.sim.rules import STAGE3, STAGE4, safety_score, wrong_side
-from ship_trl.sim.state import (
-    HEADING,
-    SHIP_HEADING,
-    SPEED,
-    goal,
-    goal_distance,
-    is_present,
-    position,
-    relative_positions,
-    target_ships,
-)
+from ship_trl.sim.state import goal, goal_distance, is_present, position, relative_positions, target_ships
 
 Numbers = NDArray[np.float64]
 # As `sim.encounter.TURN`, of a starboard turn that Rule 14 asks for.
@@ -253,7 +244,9 @@ def score_rules(states: Tensor, last: Tensor, world: World, head_on: float = HEA
     safety = safety_score(distance, bearing, aspect, safe)
 
     # Changes against the onset.
-    heading, speed = (states[..., column, None].expand_as(motion.distance) for column in (HEADING, SPEED))
+    heading, speed = (
+        states[..., column, None].expand_as(motion.distance) for column in (col.HEADING, col.SPEED)
+    )
     turns = -torch.rad2deg(wrap_angle(heading - at(heading, onset)[:, None]))
     changes = (speed / at(speed, onset).clamp(min=1e-6)[:, None] - 1).abs()
 
@@ -346,8 +339,8 @@ def closest_pass(states: Tensor, begin: Tensor, last: Tensor) -> tuple[Tensor, T
     nearest = distance.argmin(1)
     point = torch.stack([at(part, nearest) for part in points.unbind(-1)], -1)
     # Ships turn at the start of a step, and then move.
-    own = at(states[:, 1:, HEADING, None].expand_as(distance), nearest)
-    other, origin = at(target_ships(states)[:, 1:, :, SHIP_HEADING], nearest), torch.zeros_like(point)
+    own = at(states[:, 1:, col.HEADING, None].expand_as(distance), nearest)
+    other, origin = at(target_ships(states)[:, 1:, :, col.SHIP_HEADING], nearest), torch.zeros_like(point)
     bearing, aspect = -angle_off_bow(origin, own, point), -angle_off_bow(point, other, origin)
     return nearest, at(distance, nearest), bearing, aspect
 

@@ -18,19 +18,13 @@ import torch
 from torch import Tensor
 
 from ship_trl.config.types import World
+from ship_trl.sim import state as col
 from ship_trl.sim.cases import Case, Suite, suite_of
 from ship_trl.sim.encounter import ship_velocities
 from ship_trl.sim.geometry import unit_vector
 from ship_trl.sim.replay import with_replay
 from ship_trl.sim.reward import MAX_SHIP_DISTANCE, POSITION_TOLERANCE, PaidStep, step_reward
 from ship_trl.sim.state import (
-    HEADING,
-    OWN_SIZE,
-    SHIP_COUNT,
-    SPEED,
-    STEP,
-    YAW_RATE,
-    X,
     goal_distance,
     goal_off_bow,
     initial_state,
@@ -164,11 +158,11 @@ def select(bound: Tensor, state: Tensor, transition: Transition, beam: int, reso
     order = torch.argsort(bound - penalty * (safe - passing).clamp(min=0.0), descending=True, stable=True)
     cells = [
         position(state) / resolution.position,
-        state[:, HEADING, None] / resolution.heading,
+        state[:, col.HEADING, None] / resolution.heading,
         passing[:, None] / resolution.passing,
     ]
     if transition.lags is not None:
-        cells.append(state[:, SPEED : YAW_RATE + 1] / torch.tensor(RATE_CELLS))
+        cells.append(state[:, col.SPEED : col.YAW_RATE + 1] / torch.tensor(RATE_CELLS))
     key = torch.zeros(len(state), dtype=torch.long)
     for column in torch.cat(cells, dim=-1)[order].floor().long().unbind(-1):
         key = key * 10_007 + column
@@ -190,7 +184,7 @@ def passing_distance(state: Tensor, transition: Transition) -> Tensor:
     max_distance = transition.world.safe_distance * 4 / 3
     if not away.shape[1]:
         return torch.full_like(state[:, 0], max_distance)
-    own_velocity = float(transition.actions[:, 0].max()) * unit_vector(state[:, HEADING])
+    own_velocity = float(transition.actions[:, 0].max()) * unit_vector(state[:, col.HEADING])
     velocity = ship_velocities(state) - own_velocity[:, None]
     time = -(away * velocity).sum(-1) / (velocity * velocity).sum(-1).clamp(min=1e-6)
     distance = torch.linalg.vector_norm(away + time[..., None] * velocity, dim=-1)
@@ -219,7 +213,7 @@ class ValueBound:
 
     def __init__(self, transition: Transition, start: Tensor) -> None:
         self.transition = transition
-        self._has_ships = bool(start[SHIP_COUNT] > 0)
+        self._has_ships = bool(start[col.SHIP_COUNT] > 0)
         world, motions = transition.world, transition.actions
         if transition.lags is not None:
             # With lags own ship may have any of the speeds and rates of turn.
@@ -231,10 +225,10 @@ class ValueBound:
         farthest = float(goal_distance(start)) + reach * world.max_steps
         self.rows = math.ceil(farthest / self.row_spacing) + 2
         # The goal is at the origin, own ship west of it, with each of the grid's angles off the bow.
-        state = torch.zeros(self.rows, GRID_ANGLES, OWN_SIZE)
-        state[..., X] = -(torch.arange(self.rows) * self.row_spacing)[:, None]
-        state[..., HEADING] = math.pi - torch.arange(GRID_ANGLES) * self.column_spacing
-        before = state.reshape(-1, 1, OWN_SIZE).expand(-1, count, -1)
+        state = torch.zeros(self.rows, GRID_ANGLES, col.OWN_SIZE)
+        state[..., col.X] = -(torch.arange(self.rows) * self.row_spacing)[:, None]
+        state[..., col.HEADING] = math.pi - torch.arange(GRID_ANGLES) * self.column_spacing
+        before = state.reshape(-1, 1, col.OWN_SIZE).expand(-1, count, -1)
         after = advance(before, torch.arange(count).expand(len(before), -1), motions, world.dt)
         distance = goal_distance(after)
         off_bow = goal_off_bow(after)
@@ -293,5 +287,5 @@ class ValueBound:
     def __call__(self, state: Tensor) -> Tensor:
         """Return the upper bounds [N] of states [N, S], which must all be at the same step."""
         corners, weights = self._corners(goal_distance(state), goal_off_bow(state))
-        steps_left = max(0, self.transition.world.max_steps - int(state[0, STEP]))
+        steps_left = max(0, self.transition.world.max_steps - int(state[0, col.STEP]))
         return (self.table[steps_left][corners] * weights).sum(-1)

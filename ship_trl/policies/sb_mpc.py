@@ -28,24 +28,10 @@ from torch import Tensor
 
 from ship_trl.config.types import World
 from ship_trl.fast.jit import compiled
+from ship_trl.sim import state as col
 from ship_trl.sim.env import ShipEnv
 from ship_trl.sim.geometry import unit_vector, wrap_angle
-from ship_trl.sim.state import (
-    GOAL_X,
-    GOAL_Y,
-    HEADING,
-    OWN_SIZE,
-    SHIP_COUNT,
-    SHIP_HEADING,
-    SHIP_SIZE,
-    SHIP_SPEED,
-    SHIP_X,
-    SHIP_Y,
-    STEP,
-    X,
-    Y,
-    goal_course,
-)
+from ship_trl.sim.state import goal_course
 
 Numbers = NDArray[np.float64]
 
@@ -108,8 +94,8 @@ class SimulationBasedMPC:
         course = goal_course(state)
         if len(self.last) != len(state):
             self.last = course
-        last = torch.where(state[:, STEP] == 0, course, self.last)
-        final = state[:, HEADING, None] + self.turned  # [N, P]
+        last = torch.where(state[:, col.STEP] == 0, course, self.last)
+        final = state[:, col.HEADING, None] + self.turned  # [N, P]
         change = wrap_angle(final - last[:, None])
         k_change = torch.where(change > 0, K_CHANGE_PORT, K_CHANGE_STARBOARD)
         cost = (
@@ -139,14 +125,14 @@ def write_hazards(
     """
     for n in range(hazard.shape[0]):
         row = state[n]
-        cos, sin = math.cos(row[HEADING]), math.sin(row[HEADING])
-        east, north = row[GOAL_X] - row[X], row[GOAL_Y] - row[Y]
+        cos, sin = math.cos(row[col.HEADING]), math.sin(row[col.HEADING])
+        east, north = row[col.GOAL_X] - row[col.X], row[col.GOAL_Y] - row[col.Y]
         goal_x, goal_y = cos * east + sin * north, cos * north - sin * east
-        for k in range(int(row[SHIP_COUNT])):
-            ship = row[OWN_SIZE + SHIP_SIZE * k :]
-            east, north = ship[SHIP_X] - row[X], ship[SHIP_Y] - row[Y]
+        for k in range(int(row[col.SHIP_COUNT])):
+            ship = row[col.OWN_SIZE + col.SHIP_SIZE * k :]
+            east, north = ship[col.SHIP_X] - row[col.X], ship[col.SHIP_Y] - row[col.Y]
             ship_x, ship_y = cos * east + sin * north, cos * north - sin * east
-            course, ship_speed = ship[SHIP_HEADING] - row[HEADING], ship[SHIP_SPEED]
+            course, ship_speed = ship[col.SHIP_HEADING] - row[col.HEADING], ship[col.SHIP_SPEED]
             ship_vx, ship_vy = ship_speed * math.cos(course), ship_speed * math.sin(course)
             for plan in range(hazard.shape[1]):
                 own_x = own_y = 0.0

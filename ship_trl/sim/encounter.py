@@ -18,23 +18,9 @@ from torch import Tensor
 
 from ship_trl.config.bounds import HEAD_ON_DEGREES
 from ship_trl.config.types import World
+from ship_trl.sim import state as col
 from ship_trl.sim.geometry import angle_off_bow, predicted_approach, unit_vector, wrap_angle
-from ship_trl.sim.state import (
-    HEADING,
-    SHIP_ACTION,
-    SHIP_CLASS,
-    SHIP_HEADING,
-    SHIP_ONSET,
-    SHIP_ONSET_HEADING,
-    SHIP_SPEED,
-    SHIP_TURN,
-    SPEED,
-    STEP,
-    is_present,
-    position,
-    relative_positions,
-    target_ships,
-)
+from ship_trl.sim.state import is_present, position, relative_positions, target_ships
 
 # Tensors in torch, numbers in compiled loops. Only operations that both share are allowed.
 Angle = Any
@@ -83,13 +69,13 @@ class Motion(NamedTuple):
 
 def own_velocity(state: Tensor) -> Tensor:
     """Return own ship's velocities (m/s) [..., 2] in states [..., S]."""
-    return state[..., SPEED, None] * unit_vector(state[..., HEADING])
+    return state[..., col.SPEED, None] * unit_vector(state[..., col.HEADING])
 
 
 def ship_velocities(state: Tensor) -> Tensor:
     """Return the target ships' velocities (m/s) [..., K, 2] in states [..., S]."""
     ships = target_ships(state)
-    return ships[..., SHIP_SPEED, None] * unit_vector(ships[..., SHIP_HEADING])
+    return ships[..., col.SHIP_SPEED, None] * unit_vector(ships[..., col.SHIP_HEADING])
 
 
 def relative_motion(state: Tensor) -> Motion:
@@ -104,8 +90,8 @@ def relative_motion(state: Tensor) -> Motion:
         torch.linalg.vector_norm(away, dim=-1).masked_fill(~present, math.inf),
         dcpa.masked_fill(~present, math.inf),
         tcpa,
-        -angle_off_bow(own, state[..., HEADING, None], own + away),
-        -angle_off_bow(own + away, ships[..., SHIP_HEADING], own),
+        -angle_off_bow(own, state[..., col.HEADING, None], own + away),
+        -angle_off_bow(own + away, ships[..., col.SHIP_HEADING], own),
     )
 
 
@@ -115,7 +101,7 @@ def are_ruled(state: Tensor, motion: Motion) -> Tensor:
     A ship at anchor goes nowhere, whatever its heading, and ships that move alike do not approach. How ships
     react is not asked here.
     """
-    under_way = target_ships(state)[..., SHIP_SPEED] > 0
+    under_way = target_ships(state)[..., col.SHIP_SPEED] > 0
     return under_way & (torch.linalg.vector_norm(motion.velocity, dim=-1) > LEAST_APPROACH)
 
 
@@ -195,7 +181,7 @@ def next_classes(classes: Tensor, state: Tensor, motion: Motion, limits: Limits)
     Between its onset and its end a class stays (Rule 13(d)); step 0 begins a new episode.
     """
     is_over = (motion.tcpa < 0) & (motion.distance > limits.clear)
-    classes = classes.masked_fill(is_over | (state[..., STEP, None] == 0), Encounter.NONE)
+    classes = classes.masked_fill(is_over | (state[..., col.STEP, None] == 0), Encounter.NONE)
     begins = (classes == Encounter.NONE) & (motion.dcpa < limits.dcpa) & are_ruled(state, motion)
     begins &= (motion.tcpa >= 0) & (motion.tcpa <= limits.tcpa)
     return torch.where(begins, classify(motion.bearing, motion.aspect, limits.head_on), classes)
@@ -232,23 +218,26 @@ class Tracker:
         ships, present = target_ships(state), is_present(state)
         if not ships.shape[-2]:
             return state
-        had = ships[..., SHIP_CLASS].long()
+        had = ships[..., col.SHIP_CLASS].long()
         now = next_classes(had, state, relative_motion(state), self.limits)
         begins, goes_on = (now != had) & (now != Encounter.NONE), (now == had) & (now != Encounter.NONE)
-        step, heading = (state[..., column, None].expand_as(had) for column in (STEP, HEADING))
-        onset = torch.where(begins, step, ships[..., SHIP_ONSET] * goes_on)
-        course = torch.where(begins, heading, ships[..., SHIP_ONSET_HEADING] * goes_on)
+        step, heading = (state[..., column, None].expand_as(had) for column in (col.STEP, col.HEADING))
+        onset = torch.where(begins, step, ships[..., col.SHIP_ONSET] * goes_on)
+        course = torch.where(begins, heading, ships[..., col.SHIP_ONSET_HEADING] * goes_on)
         turned = -torch.rad2deg(wrap_angle(heading - course))
-        slowed = (state[..., SPEED, None] / self.cruise - 1).abs().expand_as(turned)
+        slowed = (state[..., col.SPEED, None] / self.cruise - 1).abs().expand_as(turned)
         action = action_size(now, turned, slowed)
-        action = torch.maximum(action, ships[..., SHIP_ACTION]) * goes_on
-        swung = wrap_angle(ships[..., SHIP_HEADING] - target_ships(before)[..., SHIP_HEADING]) / self.world.dt
+        action = torch.maximum(action, ships[..., col.SHIP_ACTION]) * goes_on
+        swung = (
+            wrap_angle(ships[..., col.SHIP_HEADING] - target_ships(before)[..., col.SHIP_HEADING])
+            / self.world.dt
+        )
         for column, value in (
-            (SHIP_TURN, swung),
-            (SHIP_CLASS, now),
-            (SHIP_ONSET, onset),
-            (SHIP_ONSET_HEADING, course),
-            (SHIP_ACTION, action),
+            (col.SHIP_TURN, swung),
+            (col.SHIP_CLASS, now),
+            (col.SHIP_ONSET, onset),
+            (col.SHIP_ONSET_HEADING, course),
+            (col.SHIP_ACTION, action),
         ):
             ships[..., column] = value * present
         return state

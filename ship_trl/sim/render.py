@@ -16,18 +16,9 @@ from torchrl.data import Bounded
 
 from ship_trl.config.types import World
 from ship_trl.sim import scene
+from ship_trl.sim import state as col
 from ship_trl.sim.geometry import polygon_edges
-from ship_trl.sim.state import (
-    HEADING,
-    SHIP_HEADING,
-    SHIP_SPEED,
-    SPEED,
-    goal,
-    is_present,
-    position,
-    relative_positions,
-    target_ships,
-)
+from ship_trl.sim.state import goal, is_present, position, relative_positions, target_ships
 
 # Draws states, float [N, S], as uint8 [N, C, 84 * 84].
 Drawing = Callable[[Tensor], Tensor]
@@ -126,7 +117,7 @@ class Rasteriser:
     def reference(self, flat: Tensor) -> Tensor:
         """Draw states in torch, on any device: float [N, S] to uint8 [N, C, 84 * 84]."""
         image = self.canvas.expand(flat.shape[0], -1, -1).clone()
-        turn = math.pi / 2 - flat[:, HEADING]
+        turn = math.pi / 2 - flat[:, col.HEADING]
         # Rotate so that the heading points up, and scale metres to pixels.
         rotate_x = torch.cos(turn) * scene.PIXELS_PER_METRE
         rotate_y = torch.sin(turn) * scene.PIXELS_PER_METRE
@@ -178,10 +169,10 @@ class Rasteriser:
         A vector is the way of a ship's bow in `vector_time`, if the ship holds course and speed.
         """
         cx, cy = self._places(relative_positions(state), rotate_x, rotate_y)
-        heading = target_ships(state)[..., SHIP_HEADING] + turn[:, None]
-        speed = target_ships(state)[..., SHIP_SPEED] * is_present(state)
+        heading = target_ships(state)[..., col.SHIP_HEADING] + turn[:, None]
+        speed = target_ships(state)[..., col.SHIP_SPEED] * is_present(state)
         half, ahead = torch.full_like(turn, self.size / 2), torch.full_like(turn, math.pi / 2)
-        self._draw_vector(image, (half, half), ahead, state[:, SPEED], scene.OWN_LENGTH, self.inks[2])
+        self._draw_vector(image, (half, half), ahead, state[:, col.SPEED], scene.OWN_LENGTH, self.inks[2])
         for k in range(cx.shape[1]):
             middle, ink = (cx[:, k], cy[:, k]), self.inks[1]
             self._draw_vector(image, middle, heading[:, k], speed[:, k], scene.TARGET_LENGTH, ink)
@@ -226,7 +217,7 @@ class Rasteriser:
         In figure 2 a ship's direction is theta_1 + 90 deg, its heading theta_1 + theta_3 + 90 deg.
         """
         cx, cy = self._places(relative_positions(state), rotate_x, rotate_y)
-        heading = target_ships(state)[..., SHIP_HEADING] + turn[:, None]
+        heading = target_ships(state)[..., col.SHIP_HEADING] + turn[:, None]
         # Patches are moved back inside the picture. This does not change the coverage of a pixel.
         last = self.size - len(self._patch)
         left = (cx - len(self._patch) / 2).round_().clamp_(0, last)

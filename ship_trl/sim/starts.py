@@ -23,22 +23,10 @@ from torch import Generator, Tensor
 
 from ship_trl.config.errors import ConfigError
 from ship_trl.config.types import Traffic, World
+from ship_trl.sim import state as col
 from ship_trl.sim.cases import GIVES_WAY, HOLDS_COURSE, Suite
 from ship_trl.sim.encounter import Encounter, bearing_of, classify
 from ship_trl.sim.state import (
-    GOAL_Y,
-    HEADING,
-    OWN_SIZE,
-    SHIP_BEHAVIOUR,
-    SHIP_COUNT,
-    SHIP_HEADING,
-    SHIP_SIZE,
-    SHIP_SPEED,
-    SHIP_X,
-    SHIP_Y,
-    SPEED,
-    X,
-    Y,
     goal,
     goal_distance,
     goal_off_bow,
@@ -106,8 +94,8 @@ def draw_ship(stream: Array, band: Array, kind: int, bounds: Array, ship: Array)
     # Own and target ship are `aside` from each other, across their relative way, after these seconds.
     aside = offset * (2 * uniform(stream) - 1) / max(math.sqrt(east * east + north * north), 1e-6)
     x, y = -east * seconds - north * aside, -north * seconds + east * aside
-    ship[SHIP_X], ship[SHIP_Y], ship[SHIP_HEADING], ship[SHIP_SPEED] = x, y, heading, speed
-    ship[SHIP_BEHAVIOUR] = GIVES_WAY if uniform(stream) < reacting else HOLDS_COURSE
+    ship[col.SHIP_X], ship[col.SHIP_Y], ship[col.SHIP_HEADING], ship[col.SHIP_SPEED] = x, y, heading, speed
+    ship[col.SHIP_BEHAVIOUR] = GIVES_WAY if uniform(stream) < reacting else HOLDS_COURSE
     if not nearest * nearest <= x * x + y * y <= farthest * farthest:
         return False
     for ago in (0.0, CLASS_SECONDS):
@@ -123,11 +111,11 @@ def keeps_clear(path: Array, ships: Array, dt: float, safe_distance: float) -> b
     safe2 = safe_distance * safe_distance
     for k in range(ships.shape[0]):
         ship = ships[k]
-        way_x = ship[SHIP_SPEED] * dt * math.cos(ship[SHIP_HEADING])
-        way_y = ship[SHIP_SPEED] * dt * math.sin(ship[SHIP_HEADING])
-        x, y = ship[SHIP_X], ship[SHIP_Y]
+        way_x = ship[col.SHIP_SPEED] * dt * math.cos(ship[col.SHIP_HEADING])
+        way_y = ship[col.SHIP_SPEED] * dt * math.sin(ship[col.SHIP_HEADING])
+        x, y = ship[col.SHIP_X], ship[col.SHIP_Y]
         for t in range(path.shape[0]):
-            after_x, after_y = ship[SHIP_X] + (t + 1) * way_x, ship[SHIP_Y] + (t + 1) * way_y
+            after_x, after_y = ship[col.SHIP_X] + (t + 1) * way_x, ship[col.SHIP_Y] + (t + 1) * way_y
             after_x, after_y = after_x - path[t, 0], after_y - path[t, 1]
             moved_x, moved_y = after_x - x, after_y - y
             moved2 = moved_x * moved_x + moved_y * moved_y
@@ -192,7 +180,7 @@ def draw_scenes(
     """
     dt, safe_distance = limits
     places, stream = shares.shape[0] - 1, np.empty(1, np.uint64)
-    ships, drawn = np.zeros((places, SHIP_SIZE)), np.empty(places, np.int64)
+    ships, drawn = np.zeros((places, col.SHIP_SIZE)), np.empty(places, np.int64)
     for n in range(seeds.shape[0]):
         stream[0] = seeds[n]
         share, count = uniform(stream), 0
@@ -209,10 +197,10 @@ def draw_scenes(
                 break
         if not is_found:
             return False
-        states[n, SHIP_COUNT] = count
+        states[n, col.SHIP_COUNT] = count
         for k in range(count):
-            for i in range(SHIP_SIZE):
-                states[n, OWN_SIZE + SHIP_SIZE * k + i] = ships[k, i]
+            for i in range(col.SHIP_SIZE):
+                states[n, col.OWN_SIZE + col.SHIP_SIZE * k + i] = ships[k, i]
     return True
 
 
@@ -235,7 +223,7 @@ class TrafficStarts:
         self.traffic, self.places, self._draw_scenes = traffic, len(traffic.ships) - 1, scenes
         self.speed = world.actions[world.straight_action][0]
         self.states = torch.zeros(1, state_size(self.places), device="cpu")
-        for column, value in ((HEADING, NORTH), (SPEED, self.speed), (GOAL_Y, GOAL_DISTANCE)):
+        for column, value in ((col.HEADING, NORTH), (col.SPEED, self.speed), (col.GOAL_Y, GOAL_DISTANCE)):
             self.states[0, column] = value
         if traffic.distance[0] < world.safe_distance:
             raise ConfigError(
@@ -336,18 +324,18 @@ class Starts:
         # The largest change of each number, and its least value.
         bounds, least = torch.zeros_like(self.states), torch.full_like(self.states[0], -math.inf)
         position(bounds)[:] = suite.perturbation.own_position
-        bounds[:, HEADING] = math.radians(suite.perturbation.own_heading)
-        target_ships(bounds)[..., : SHIP_Y + 1] = suite.perturbation.ship_position * present[..., None]
-        target_ships(bounds)[..., SHIP_SPEED] = suite.perturbation.ship_speed * present
-        target_ships(least)[..., SHIP_SPEED] = 0.0
+        bounds[:, col.HEADING] = math.radians(suite.perturbation.own_heading)
+        target_ships(bounds)[..., : col.SHIP_Y + 1] = suite.perturbation.ship_position * present[..., None]
+        target_ships(bounds)[..., col.SHIP_SPEED] = suite.perturbation.ship_speed * present
+        target_ships(least)[..., col.SHIP_SPEED] = 0.0
         columns = torch.arange(self.states.shape[1], device="cpu")
         # What a case says. A seed's starts must not depend on what else a state holds.
-        said = target_ships(columns)[:, : SHIP_BEHAVIOUR + 1].flatten()
-        self._said = torch.cat((columns[:OWN_SIZE], said)).numpy()
+        said = target_ships(columns)[:, : col.SHIP_BEHAVIOUR + 1].flatten()
+        self._said = torch.cat((columns[: col.OWN_SIZE], said)).numpy()
         self._low, self._width = (self.states - bounds).numpy(), (2 * bounds).numpy()[:, self._said]
         self._least = least.numpy()[self._said]
         # Columns of goal and ships [1 + K, 2], and the distances to keep from them [cases, 1 + K].
-        points = torch.cat((goal(columns)[None], target_ships(columns)[:, : SHIP_Y + 1]))
+        points = torch.cat((goal(columns)[None], target_ships(columns)[:, : col.SHIP_Y + 1]))
         keep = (
             torch.full((len(self.states), 1), world.goal_distance, device="cpu"),
             world.safe_distance * present,
@@ -405,7 +393,7 @@ class Starts:
 
     def _find_invalid(self, states: States, cases: Cases, reach: float = 0.0) -> NDArray[np.int64]:
         """Return the rows nearer to a ship or the goal than allowed, by up to `reach` metres."""
-        away = states[:, self._points] - states[:, None, X : Y + 1]
+        away = states[:, self._points] - states[:, None, col.X : col.Y + 1]
         distance = np.hypot(away[..., 0], away[..., 1])
         return (distance < self._keep.take(cases, 0) + reach).any(1).nonzero()[0]
 

@@ -10,6 +10,7 @@ import torch
 from torch import Tensor
 
 from ship_trl.config.types import GiveWay, World
+from ship_trl.sim import state as col
 from ship_trl.sim.cases import GIVES_WAY, GIVING_WAY
 from ship_trl.sim.encounter import must_give_way, relative_motion
 from ship_trl.sim.geometry import closest_approach, unit_vector
@@ -22,14 +23,6 @@ from ship_trl.sim.reward import (
     step_reward,
 )
 from ship_trl.sim.state import (
-    HEADING,
-    SHIP_BEHAVIOUR,
-    SHIP_COUNT,
-    SHIP_HEADING,
-    SHIP_SPEED,
-    SPEED,
-    STEP,
-    YAW_RATE,
     goal,
     goal_distance,
     goal_off_bow,
@@ -67,15 +60,15 @@ def advance(state: Tensor, action: Tensor, actions: Tensor, dt: float, lags: Ten
     """
     rates = mean = actions[action]
     if lags is not None:
-        lagging = state[..., SPEED : YAW_RATE + 1] - rates
+        lagging = state[..., col.SPEED : col.YAW_RATE + 1] - rates
         rates, mean = rates + lagging * lags[0], rates + lagging * lags[1]
     speed, turn = mean.unbind(-1)
-    heading = state[..., HEADING] + turn * dt
+    heading = state[..., col.HEADING] + turn * dt
     place = position(state) + (speed * dt).unsqueeze(-1) * unit_vector(heading)
     own = torch.cat((heading[..., None], rates), dim=-1)
-    step = torch.stack((state[..., STEP] + 1.0, state[..., SHIP_COUNT]), dim=-1)
+    step = torch.stack((state[..., col.STEP] + 1.0, state[..., col.SHIP_COUNT]), dim=-1)
     ships = target_ships(state)
-    way = (ships[..., SHIP_SPEED] * dt).unsqueeze(-1) * unit_vector(ships[..., SHIP_HEADING])
+    way = (ships[..., col.SHIP_SPEED] * dt).unsqueeze(-1) * unit_vector(ships[..., col.SHIP_HEADING])
     ships = torch.cat((ships[..., :2] + way, ships[..., 2:]), dim=-1)
     return torch.cat((place, own, goal(state), step, ships.flatten(-2)), dim=-1)
 
@@ -86,7 +79,7 @@ def give_way(state: Tensor, rule: GiveWay, dt: float) -> Tensor:
     A ship begins where the rules ask for it, DCPA is below `rule.dcpa` and TCPA between 0 and `rule.tcpa`.
     Until the ships have passed, it turns in each step that begins with so small a DCPA.
     """
-    behaviour = target_ships(state)[..., SHIP_BEHAVIOUR]
+    behaviour = target_ships(state)[..., col.SHIP_BEHAVIOUR]
     reacts = (behaviour == GIVES_WAY) | (behaviour == GIVING_WAY)
     # Without a ship that reacts nothing changes. On a GPU the check would wait for all earlier operations.
     if state.device.type == "cpu" and not bool(reacts.any()):
@@ -97,9 +90,9 @@ def give_way(state: Tensor, rule: GiveWay, dt: float) -> Tensor:
     is_giving = reacts & (motion.tcpa > 0) & (begins | (behaviour == GIVING_WAY))
     after = state.clone()
     ships = target_ships(after)
-    ships[..., SHIP_HEADING] -= rule.turn * dt * (is_giving & is_near)
+    ships[..., col.SHIP_HEADING] -= rule.turn * dt * (is_giving & is_near)
     now = torch.full_like(behaviour, GIVES_WAY).masked_fill(is_giving, GIVING_WAY)
-    ships[..., SHIP_BEHAVIOUR] = torch.where(reacts, now, behaviour)
+    ships[..., col.SHIP_BEHAVIOUR] = torch.where(reacts, now, behaviour)
     return after
 
 
@@ -155,7 +148,7 @@ class Transition:
         collision = nearest < world.safe_distance
         # A collision takes precedence over reaching the goal in the same step.
         reached = (distance <= world.goal_distance + POSITION_TOLERANCE) & ~collision
-        truncated = (after[:, STEP] >= world.max_steps) & ~reached & ~collision
+        truncated = (after[:, col.STEP] >= world.max_steps) & ~reached & ~collision
         unpaid = Outcome(after, distance, reached, collision, truncated, nearest)
         return unpaid._replace(reward=step_reward(self.amounts, self._paid_step(action, unpaid)))
 

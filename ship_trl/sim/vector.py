@@ -9,24 +9,10 @@ from torch import Tensor
 
 from ship_trl.config.types import Network, World
 from ship_trl.sim import scene
+from ship_trl.sim import state as col
 from ship_trl.sim.encounter import Encounter, own_velocity, ship_velocities
 from ship_trl.sim.geometry import unit_vector, wrap_angle
-from ship_trl.sim.state import (
-    HEADING,
-    SHIP_ACTION,
-    SHIP_CLASS,
-    SHIP_ONSET,
-    SHIP_ONSET_HEADING,
-    SHIP_TURN,
-    SPEED,
-    STEP,
-    YAW_RATE,
-    goal_distance,
-    goal_off_bow,
-    is_present,
-    relative_positions,
-    target_ships,
-)
+from ship_trl.sim.state import goal_distance, goal_off_bow, is_present, relative_positions, target_ships
 
 # Units of TCPA (s) and DCPA (m), their largest size, and the least relative speed (m/s) that they are for.
 TCPA, DCPA, MAX_SIZE, MIN_SPEED = 20.0, 100.0, 2.0, 1e-3
@@ -106,15 +92,15 @@ class VectorObservation:
             goal_distance(state) / scene.VIEW_RADIUS,
             bearing.sin(),
             bearing.cos(),
-            state[..., SPEED] / self.max_speed,
-            state[..., YAW_RATE] / self.max_turn,
+            state[..., col.SPEED] / self.max_speed,
+            state[..., col.YAW_RATE] / self.max_turn,
         )
         return torch.cat((torch.stack(own, -1), self._observe_ships(state).flatten(-2)), -1)
 
     def _observe_ships(self, state: Tensor) -> Tensor:
         """Return the numbers of the K nearest target ships [..., K, M]."""
         away, present = relative_positions(state), is_present(state)
-        bow = unit_vector(state[..., HEADING])[..., None, :]
+        bow = unit_vector(state[..., col.HEADING])[..., None, :]
         velocity = ship_velocities(state) - own_velocity(state)[..., None, :]
         port = torch.stack((-bow[..., 1], bow[..., 0]), -1)
         distance = torch.linalg.vector_norm(away, dim=-1)
@@ -143,14 +129,14 @@ class VectorObservation:
     def _observe_encounters(self, state: Tensor) -> tuple[Tensor, ...]:
         """Return the numbers of the encounters with the target ships, each [..., K]."""
         ships = target_ships(state)
-        kind = ships[..., SHIP_CLASS]
+        kind = ships[..., col.SHIP_CLASS]
         is_on = (kind != Encounter.NONE).to(state.dtype)
-        since = state[..., STEP, None] - ships[..., SHIP_ONSET]
-        turned = wrap_angle(state[..., HEADING, None] - ships[..., SHIP_ONSET_HEADING])
+        since = state[..., col.STEP, None] - ships[..., col.SHIP_ONSET]
+        turned = wrap_angle(state[..., col.HEADING, None] - ships[..., col.SHIP_ONSET_HEADING])
         return (
-            ships[..., SHIP_TURN] / self.max_turn,
+            ships[..., col.SHIP_TURN] / self.max_turn,
             *((kind == one).to(state.dtype) for one in CLASSES),
             since * self.dt / SINCE * is_on,
             turned / TURNED * is_on,
-            ships[..., SHIP_ACTION],
+            ships[..., col.SHIP_ACTION],
         )

@@ -16,21 +16,13 @@ from ship_trl.learn.network import DuelingNetwork
 from ship_trl.learn.rollout import Episode, outcome
 from ship_trl.policies.named import network_of, rollout_entry
 from ship_trl.policies.registry import Entry
+from ship_trl.sim import state as col
 from ship_trl.sim.cases import Case
 from ship_trl.sim.encounter import relative_motion
 from ship_trl.sim.geometry import closest_approach
 from ship_trl.sim.render import Rasteriser
 from ship_trl.sim.replay import as_moved
-from ship_trl.sim.state import (
-    SHIP_COUNT,
-    SHIP_HEADING,
-    SHIP_SPEED,
-    SHIP_Y,
-    first_case,
-    goal_distance,
-    select_ships,
-    target_ships,
-)
+from ship_trl.sim.state import first_case, goal_distance, select_ships, target_ships
 from ship_trl.sim.transition import Transition
 
 Numbers = NDArray[np.float64]
@@ -66,7 +58,7 @@ class Telemetry:
     def __init__(self, world: World, states: Tensor, actions: Tensor, q_values: Tensor | None = None) -> None:
         self.world, transition = world, Transition(world)
         # Of a suite, empty places for target ships are left out.
-        states = select_ships(states, range(int(states[0, SHIP_COUNT])))
+        states = select_ships(states, range(int(states[0, col.SHIP_COUNT])))
         after = transition(as_moved(states[:-1], states[1:]), actions)
         goal, collision, end = (bool(f[-1:].any()) for f in (after.goal, after.collision, after.truncated))
         self.outcome = outcome(goal, collision) if goal or collision or end else None
@@ -76,8 +68,11 @@ class Telemetry:
         self.states, self.actions = _numbers(states), actions.cpu().numpy().astype(np.int64)
         self.q_values = None if q_values is None else _numbers(q_values)
         ships = target_ships(states)
-        self.ships, self.headings = _numbers(ships[..., : SHIP_Y + 1]), _numbers(ships[..., SHIP_HEADING])
-        self.speeds = _numbers(ships[..., SHIP_SPEED])
+        self.ships, self.headings = (
+            _numbers(ships[..., : col.SHIP_Y + 1]),
+            _numbers(ships[..., col.SHIP_HEADING]),
+        )
+        self.speeds = _numbers(ships[..., col.SHIP_SPEED])
         self.goal_distance = _numbers(goal_distance(states))
         motion = relative_motion(states)
         away, self.apart = motion.position, _numbers(motion.distance)

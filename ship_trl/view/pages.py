@@ -16,16 +16,10 @@ from ship_trl.config.errors import counted
 from ship_trl.config.types import World
 from ship_trl.learn.rollout import Episode
 from ship_trl.sim import scene
+from ship_trl.sim import state as col
 from ship_trl.sim.encounter import Encounter, are_ruled, classify, relative_motion
 from ship_trl.sim.scale import Scale
-from ship_trl.sim.state import (
-    SHIP_COUNT,
-    SHIP_Y,
-    goal,
-    goal_distance,
-    position,
-    target_ships,
-)
+from ship_trl.sim.state import goal, goal_distance, position, target_ships
 from ship_trl.view import pen
 from ship_trl.view.episode import measure_episode
 from ship_trl.view.painter import Projection, hull_length, paint_scene, still
@@ -66,7 +60,7 @@ def encounter_classes(state: Tensor) -> list[Encounter]:
     """Return the encounter class of each target ship in a state [S]."""
     motion = relative_motion(state.double())
     found = (classify(motion.bearing, motion.aspect) * are_ruled(state, motion)).tolist()
-    return [Encounter(one) for one in found[: int(state[SHIP_COUNT])]]
+    return [Encounter(one) for one in found[: int(state[col.SHIP_COUNT])]]
 
 
 def class_captions(state: Tensor) -> list[Line]:
@@ -271,6 +265,6 @@ def _frame(state: Tensor, side: int, width: float) -> Projection:
 
 def _reach(state: Tensor) -> float:
     """Return how far (m, along x or y) anything in a state [S] is from the middle of start and goal."""
-    ships = target_ships(state)[: int(state[SHIP_COUNT]), : SHIP_Y + 1]
+    ships = target_ships(state)[: int(state[col.SHIP_COUNT]), : col.SHIP_Y + 1]
     middle = (position(state) + goal(state)) / 2
     return float((torch.cat((position(state)[None], ships)) - middle).abs().max())

@@ -1,4 +1,4 @@
-"""AIS positions: tables of MarineCadastre (old, new), Denmark and Kystverket, DataFrames; and a new table.
+"""AIS positions: tables of MarineCadastre (old, new), Denmark and Kystverket; and a new table.
 
 Of all columns six are read, by their names: see `ALIASES`. Every value that means "not available", or lies
 outside what a message can hold, becomes missing (NaN) here and nowhere later. Rows may come in any order.
@@ -203,28 +203,13 @@ def table_parts(file: IO[bytes], path: Path) -> Iterator[Fixes]:
         raise ConfigError(f"{path}: is empty; allowed: a table of AIS positions")
 
 
-def read_frame(frame: DataFrame) -> Fixes:
-    """Read a DataFrame of AIS positions, with the columns that a table has.
-
-    Raises:
-        ConfigError: a column is missing.
-    """
-    kinds = find_columns([str(name) for name in frame.columns], "the DataFrame")
-    return sort_fixes([clean(frame.iloc[:, list(kinds)].set_axis([*kinds.values()], axis=1), 1)])
-
-
-def simple(name: str) -> str:
-    """Return a column's name as `ALIASES` has it."""
-    return name.strip('"# \r').lower()
-
-
 def find_columns(names: Sequence[str], where: str) -> dict[int, str]:
     """Return the kinds of columns by their places: the six, the class if there is one, and old courses.
 
     Raises:
         ConfigError: columns are missing.
     """
-    known = [simple(name) for name in names]
+    known = [name.strip('"# \r').lower() for name in names]
     places = {
         kind: next((known.index(alias) for alias in aliases if alias in known), None)
         for kind, aliases in (*ALIASES.items(), ("class", CLASSES))
@@ -290,24 +275,19 @@ def read_times(column: Any, first: int) -> NDArray[np.int64]:
     """
     import pandas
 
-    if pandas.api.types.is_datetime64_any_dtype(column):
-        times, codes = pandas.DatetimeIndex(column), np.arange(len(column))
-    else:
-        # The same second stands in many rows.
-        cells = column.astype("category").cat
-        texts, codes = cells.categories.astype(str), np.asarray(cells.codes)
-        form = "%d/%m/%Y %H:%M:%S" if texts.str.contains("/").any() else "ISO8601"
-        try:
-            times = pandas.to_datetime(texts, format=form)
-        except ValueError as error:
-            if "zone" in str(error):
-                raise ValueError("time: has several time zones; allowed: UTC") from None
-            is_none = pandas.to_datetime(texts, format=form, errors="coerce").isna()
-            row = int(np.argmax(np.append(is_none, False)[codes]))
-            allowed = "2025-01-31T12:00:00, or Denmark's 31/01/2025 12:00:00"
-            raise ValueError(
-                f"time: row {first + row}: got {column.iloc[row]!s:.40}; allowed: {allowed}"
-            ) from None
+    # The same second stands in many rows.
+    cells = column.astype("category").cat
+    texts, codes = cells.categories.astype(str), np.asarray(cells.codes)
+    form = "%d/%m/%Y %H:%M:%S" if texts.str.contains("/").any() else "ISO8601"
+    try:
+        times = pandas.to_datetime(texts, format=form)
+    except ValueError as error:
+        if "zone" in str(error):
+            raise ValueError("time: has several time zones; allowed: UTC") from None
+        is_none = pandas.to_datetime(texts, format=form, errors="coerce").isna()
+        row = int(np.argmax(np.append(is_none, False)[codes]))
+        got, allowed = f"{column.iloc[row]!s:.40}", "2025-01-31T12:00:00, or Denmark's 31/01/2025 12:00:00"
+        raise ValueError(f"time: row {first + row}: got {got}; allowed: {allowed}") from None
     if str(times.tz) not in ("None", "UTC", "UTC+00:00"):
         raise ValueError(f"time: has the time zone {times.tz}; allowed: UTC")
     seconds = np.array(times.tz_localize(None), dtype="datetime64[s]").astype(np.int64)

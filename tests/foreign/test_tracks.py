@@ -15,7 +15,6 @@ from ship_trl.config.bounds import KNOT
 from ship_trl.config.types import OwnShip
 from ship_trl.foreign import tracks as tracks_module
 from ship_trl.foreign.tracks import Found, Limits, find_encounters, resample
-from ship_trl.formats.ais import read_frame
 from tests.formats.traffic import (
     CROSSING,
     HEAD_ON,
@@ -26,6 +25,7 @@ from tests.formats.traffic import (
     Track,
     danish,
     make,
+    read_frame,
 )
 
 # About what 0.3 nautical miles as 45 m make of the world's limits, at 12 knots.

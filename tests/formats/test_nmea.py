@@ -14,9 +14,9 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from ship_trl.config.errors import ConfigError
-from ship_trl.formats.ais import MAX_LINE, read_frame
+from ship_trl.formats.ais import MAX_LINE
 from ship_trl.formats.nmea import read_nmea
-from tests.formats.traffic import CROSSING, START, danish, make
+from tests.formats.traffic import CROSSING, START, danish, make, read_frame
 
 ROWS = make(CROSSING, minutes=2)
 

@@ -10,6 +10,7 @@ from typing import NamedTuple
 import pandas
 
 from ship_trl.config.bounds import KNOT
+from ship_trl.formats.ais import Fixes, clean, find_columns, sort_fixes
 from ship_trl.formats.situation import metres_per_degree
 
 # 1 June 2025, 00:00 UTC.
@@ -106,6 +107,12 @@ def write(path: Path, rows: pandas.DataFrame, table: str) -> Path:
     make_table, delimiter = TABLES[table]
     make_table(rows).to_csv(path, index=False, sep=delimiter)
     return path
+
+
+def read_frame(frame: pandas.DataFrame) -> Fixes:
+    """Read a table that is in memory."""
+    kinds = find_columns([str(name) for name in frame.columns], "the table")
+    return sort_fixes([clean(frame.iloc[:, list(kinds)].set_axis([*kinds.values()], axis=1), 1)])
 
 
 # 12 knots are 6.2 m/s: they meet after 600 s, and pass each other at 50 m.

@@ -13,6 +13,9 @@ from ship_trl.sim import state as col
 from ship_trl.sim.cases import GIVES_WAY, GIVING_WAY
 
 Array = np.ndarray[Any, Any]
+# All manoeuvres, int64 [P, 3]; speed (m/s) and rate of turn (rad/s) of each action [A, 2]; the constants of
+# `fast.step`; and the action that goes straight on.
+Model = tuple[Array, Array, Array, int]
 # Steps: longer than any episode.
 FOREVER = 1 << 30
 
@@ -72,14 +75,7 @@ def keeps_clear(
 
 @compiled()
 def arrives(
-    row: Array,
-    first: int,
-    plan: Array,
-    actions: Array,
-    constants: Array,
-    straight: int,
-    reacting: bool,
-    horizon: int = FOREVER,
+    row: Array, first: int, plan: Array, model: Model, reacting: bool, horizon: int = FOREVER
 ) -> bool:
     """Return whether an action and then a manoeuvre [3] reach the goal in time, clear of target ships.
 
@@ -87,12 +83,11 @@ def arrives(
         row: a state [S].
         first: the action.
         plan: the manoeuvre.
-        actions: speed (m/s) and rate of turn (rad/s) of each action [A, 2].
-        constants: those of `fast.step`.
-        straight: the action that goes straight on.
+        model: own ship's actions and constants.
         reacting: whether to keep clear of ships that hold course also if they give way.
         horizon: steps after which it is enough to be clear.
     """
+    _, actions, constants, straight = model
     dt, _, goal_distance, max_steps = constants[:4]
     left_speed, left_turn, mean_speed, mean_turn = constants[4:8]
     now = row.copy()
@@ -125,26 +120,18 @@ def arrives(
 
 
 @compiled()
-def stay_clear(
-    state: Array,
-    allowed: Array,
-    table: Array,
-    actions: Array,
-    constants: Array,
-    straight: int,
-    horizon: int,
-    found: Array,
-) -> None:
+def stay_clear(state: Array, allowed: Array, model: Model, horizon: int, found: Array) -> None:
     """Write into `found` [N] whether an allowed action, bool [N, A], keeps clear of ships that hold course.
 
-    One is enough, with one of the manoeuvres of `table` [P, 3] after it, for `horizon` steps or to the end.
+    One is enough, with one of the manoeuvres after it, for `horizon` steps or to the end.
     """
+    table, _, constants, _ = model
     for n in range(state.shape[0]):
         row, found[n] = state[n], False
         steps = min(horizon, int(constants[3] - row[col.STEP]))
         for p in range(table.shape[0]):
             for a in range(allowed.shape[1]):
-                if allowed[n, a] and arrives(row, a, table[p], actions, constants, straight, False, steps):
+                if allowed[n, a] and arrives(row, a, table[p], model, False, steps):
                     found[n] = True
                     break
             if found[n]:
@@ -152,27 +139,20 @@ def stay_clear(
 
 
 @compiled()
-def begin(row: Array, plan: Array, actions: Array, dt: float, straight: int, rest: Array) -> int:
+def begin(row: Array, plan: Array, model: Model, rest: Array) -> int:
     """Return the action with which a manoeuvre [3] begins in a state [S]; write what is left into `rest`."""
     rest[0], rest[1], rest[2] = plan[0], max(0, plan[1] - 1), plan[2]
     if plan[1] > 0:
         return plan[0]
     rest[2] = max(0, plan[2] - 1)
-    return straight if plan[2] > 0 else steer(row, actions, dt)
+    _, actions, constants, straight = model
+    return straight if plan[2] > 0 else steer(row, actions, constants[0])
 
 
 @compiled()
-def choose_actions(
-    state: Array,
-    order: Array,
-    table: Array,
-    actions: Array,
-    constants: Array,
-    straight: int,
-    plans: Array,
-    chosen: Array,
-) -> None:
+def choose_actions(state: Array, order: Array, model: Model, plans: Array, chosen: Array) -> None:
     """Write what `Manoeuvres.choose` returns into `plans` [N, 3] and `chosen` [N]."""
+    table = model[0]
     count = len(table)
     # The plan found last and all manoeuvres from now on, by their first action; then all behind an action.
     first, rest = np.empty(count + 1, np.int64), np.empty((2 * count + 1, 3), np.int64)
@@ -181,14 +161,14 @@ def choose_actions(
         row = state[n]
         for p in range(count + 1):
             plan = table[p - 1] if p else plans[n]
-            first[p] = begin(row, plan, actions, constants[0], straight, rest[p])
+            first[p] = begin(row, plan, model, rest[p])
         chosen[n], had_plan = -1, plans[n, 0] >= 0
         # First clear of ships that may give way, else of ships that hold course.
         for reacting in (True, False):
             for a in order[n]:
                 for p in range(1 - had_plan, 2 * count + 1):
                     fits = p > count or first[p] == a
-                    if fits and arrives(row, a, rest[p], actions, constants, straight, reacting):
+                    if fits and arrives(row, a, rest[p], model, reacting):
                         chosen[n], plans[n] = a, rest[p]
                         break
                 if chosen[n] >= 0:

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import math
 from itertools import product
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 import torch
@@ -19,7 +19,7 @@ from ship_trl.config.types import Margin, World
 from ship_trl.fast.jit import RELAXED, compiled
 from ship_trl.fast.manoeuvres import steer_by
 from ship_trl.fast.step import bearing_of, closest_approach, constants, must_give_way, step_reward
-from ship_trl.fast.track import GIVE_WAY, HEAD_ON, NONE, action_of, begins_as, is_to_stand_on
+from ship_trl.fast.track import GIVE_WAY, HEAD_ON, NONE, Limits, action_of, begins_as, is_to_stand_on
 from ship_trl.sim import state as col
 from ship_trl.sim.cases import GIVES_WAY, GIVING_WAY
 from ship_trl.sim.encounter import Tracker
@@ -27,6 +27,8 @@ from ship_trl.sim.reward import MAX_SHIP_DISTANCE, PaidStep, reward_amounts
 from ship_trl.sim.rules import COLLISION, GAINS, PASS, RADII, STAGE3, STAGE4
 
 Array = np.ndarray[Any, Any]
+# Own ship's place (m), heading (rad) and velocity (m/s).
+Pose = tuple[float, float, float, float, float]
 # Steps that a hardest turn is held, and steps straight on after it. They lie close: the rest of a manoeuvre
 # must be nearly one of them.
 HOLD, STRAIGHT = (*range(1, 13), 16), (0, 2, 5, 9, 14)
@@ -49,7 +51,7 @@ def tcpa_of(x: float, y: float, velocity_x: float, velocity_y: float) -> float:
 
 
 @compiled(RELAXED)
-def move(ship: Array, own: tuple[float, float, float, float, float], limits: Array) -> None:
+def move(ship: Array, own: Pose, limits: Array) -> None:
     """Move a ship [SHIP] by a step, and write where it was relative to own ship: place, heading, velocity."""
     x, y, heading, own_x, own_y = own
     dt, tcpa, dcpa, turn = limits[0], limits[8], limits[9], limits[10]
@@ -96,13 +98,7 @@ def lack_at_approach(ship: Array, x: float, y: float, heading: float, kind: int,
 
 
 @compiled(RELAXED)
-def pay(
-    ship: Array,
-    own: tuple[float, float, float, float, float],
-    slowed: float,
-    safe: float,
-    limits: tuple[float, float, float, float],
-) -> tuple[float, bool]:
+def pay(ship: Array, own: Pose, slowed: float, safe: float, limits: Limits) -> tuple[float, bool]:
     """Track a ship [SHIP] after a step; return what the step earns, and whether the ship comes nearer."""
     x, y, heading, own_x, own_y = own
     away_x, away_y = ship[col.SHIP_X] - x, ship[col.SHIP_Y] - y
@@ -147,9 +143,7 @@ def wrapped(angle: float) -> float:
 
 
 @compiled(RELAXED)
-def meet(
-    ships: Array, before: tuple[float, float, float, float, float], x: float, y: float, limits: Array
-) -> float:
+def meet(ships: Array, before: Pose, x: float, y: float, limits: Array) -> float:
     """Move all ships [K, SHIP], and return the least distance (m) to own ship, which goes to (x, y)."""
     nearest = MAX_SHIP_DISTANCE
     for k in range(ships.shape[0]):
@@ -161,13 +155,7 @@ def meet(
 
 
 @compiled(RELAXED)
-def pay_all(
-    ships: Array,
-    own: tuple[float, float, float, float, float],
-    slowed: float,
-    safe: float,
-    limits: tuple[float, float, float, float],
-) -> tuple[float, bool]:
+def pay_all(ships: Array, own: Pose, slowed: float, safe: float, limits: Limits) -> tuple[float, bool]:
     """Return the mean of what a step earns by all ships [K, SHIP], and whether any comes nearer."""
     paid, nearing = 0.0, False
     for k in range(ships.shape[0]):
@@ -177,23 +165,35 @@ def pay_all(
     return paid, nearing
 
 
+class Training(NamedTuple):
+    """What manoeuvres are followed in, and paid by.
+
+    Attributes:
+        actions: speed (m/s) and rate of turn (rad/s) of each action [A, 2].
+        straight: the action that goes straight on.
+        limits: those of `fast.step.constants`.
+        amounts: those of the world's rewards.
+        extra: distance, penalty, rules and collision of the margin.
+        tracked: speed of going straight, and when an encounter begins and ends.
+        gamma: discount of a step.
+    """
+
+    actions: Array
+    straight: int
+    limits: Array
+    amounts: tuple[float, ...]
+    extra: tuple[float, float, float, float]
+    tracked: tuple[float, tuple[float, ...]]
+    gamma: float
+
+
 @compiled(RELAXED)
-def follow(
-    row: Array,
-    plan: Array,
-    ships: Array,
-    actions: Array,
-    straight: int,
-    limits: Array,
-    amounts: tuple[float, ...],
-    extra: tuple[float, float, float, float],
-    tracked: tuple[float, tuple[float, float, float, float]],
-    gamma: float,
-) -> tuple[int, float]:
+def follow(row: Array, plan: Array, ships: Array, training: Training) -> tuple[int, float]:
     """Return the first action of a manoeuvre [3] from a state [S], and what the manoeuvre earns.
 
-    `ships` [K, SHIP] are the target ships, and are moved. The other arguments are those of `plan_values`.
+    `ships` [K, SHIP] are the target ships, and are moved.
     """
+    actions, straight, limits, amounts, extra, tracked, gamma = training
     dt, safe, to_goal, max_steps = limits[:4]
     left_speed, left_turn, mean_speed, mean_turn = limits[4:8]
     margin, penalty, rules, sunk = extra
@@ -248,31 +248,10 @@ def follow(
 
 
 @compiled(RELAXED)
-def plan_values(
-    states: Array,
-    table: Array,
-    actions: Array,
-    straight: int,
-    limits: Array,
-    amounts: tuple[float, ...],
-    extra: tuple[float, float, float, float],
-    tracked: tuple[float, tuple[float, float, float, float]],
-    gamma: float,
-    values: Array,
-) -> None:
+def plan_values(states: Array, table: Array, training: Training, values: Array) -> None:
     """Write into `values` [N, A] what the best manoeuvre that begins with each action earns.
 
-    Args:
-        states: float32 [N, S].
-        table: manoeuvres, int64 [P, 3].
-        actions: speed (m/s) and rate of turn (rad/s) of each action [A, 2].
-        straight: the action that goes straight on.
-        limits: those of `fast.step.constants`.
-        amounts: those of the world's rewards.
-        extra: distance, penalty, rules and collision of the margin.
-        tracked: speed of going straight, and when an encounter begins and ends.
-        gamma: discount of a step.
-        values: written.
+    `states` are float32 [N, S], and `table` has the manoeuvres, int64 [P, 3].
     """
     places = (states.shape[1] - col.OWN_SIZE) // col.SHIP_SIZE
     ships, moved = np.empty((places, SHIP)), np.empty((places, SHIP))
@@ -286,8 +265,7 @@ def plan_values(
         values[n] = -np.inf
         for p in range(table.shape[0]):
             moved[:count] = ships[:count]
-            world = actions, straight, limits, amounts, extra, tracked, gamma
-            first, total = follow(row, table[p], moved[:count], *world)
+            first, total = follow(row, table[p], moved[:count], training)
             values[n, first] = max(values[n, first], total)
 
 
@@ -316,7 +294,7 @@ class PlanValues:
                 holds, waits = (HOLD, STRAIGHT) if abs(turn) == hardest else (BRIEFLY, (0,))
                 table += product([action], holds, waits)
         self.table, self._scale, self._count = torch.tensor(table), scale, len(world.actions)
-        self._constants = (
+        self._training = Training(
             np.array(world.actions, np.float64),
             straight,
             constants(world).astype(np.float64),
@@ -333,5 +311,5 @@ class PlanValues:
     def of_plans(self, states: Tensor, plans: Tensor) -> Tensor:
         """Return the values if there are only these manoeuvres, int64 [P, 3]; minus infinity without one."""
         values = np.empty((len(states), self._count), np.float32)
-        plan_values(states.contiguous().numpy(), plans.numpy(), *self._constants, values)
+        plan_values(states.contiguous().numpy(), plans.numpy(), self._training, values)
         return torch.from_numpy(values) * self._scale

@@ -16,6 +16,9 @@ from ship_trl.sim import state as col
 from ship_trl.sim.encounter import LEAST_APPROACH, SPEED_CHANGE, TURN, Encounter
 
 Array = np.ndarray[Any, Any]
+# Place (m) and velocity (m/s) of a ship relative to own ship, and the numbers of `sim.encounter.Limits`.
+Motion = tuple[float, float, float, float]
+Limits = tuple[float, float, float, float]
 NONE, HEAD_ON, GIVE_WAY, STAND_ON, OVERTAKING, OVERTAKEN = map(int, Encounter)
 TURN_LOW, TURN_WIDTH = TURN[0], TURN[1] - TURN[0]
 SPEED_LOW, SPEED_WIDTH = SPEED_CHANGE[0], SPEED_CHANGE[1] - SPEED_CHANGE[0]
@@ -28,23 +31,16 @@ def share(value: float, low: float, width: float) -> float:
 
 
 @compiled()
-def begins_as(
-    away: tuple[float, float, float, float],
-    time: float,
-    heading: float,
-    course: float,
-    speed: float,
-    limits: tuple[float, float, float, float],
-) -> int:
+def begins_as(away: Motion, time: float, heading: float, course: float, speed: float, limits: Limits) -> int:
     """Return the class of an encounter that begins now, or none.
 
     Args:
-        away: place (m) and velocity (m/s) of the ship relative to own ship.
+        away: the ship's motion.
         time: TCPA (s).
         heading: own heading (rad).
         course: the ship's heading (rad).
         speed: the ship's speed (m/s).
-        limits: see `sim.encounter.Limits`.
+        limits: when it begins.
     """
     dcpa, tcpa, _, head_on = limits
     x, y, velocity_x, velocity_y = away
@@ -76,7 +72,7 @@ def action_of(kind: int, turned: float, slowed: float) -> float:
 
 
 @compiled()
-def track_ship(row: Array, ship: int, slowed: float, limits: tuple[float, float, float, float]) -> None:
+def track_ship(row: Array, ship: int, slowed: float, limits: Limits) -> None:
     """Write class, onset and action of the ship whose numbers begin at `ship` in a state [S]."""
     course, speed = row[ship + col.SHIP_HEADING], row[ship + col.SHIP_SPEED]
     x, y = row[ship + col.SHIP_X] - row[col.X], row[ship + col.SHIP_Y] - row[col.Y]
@@ -98,9 +94,7 @@ def track_ship(row: Array, ship: int, slowed: float, limits: tuple[float, float,
 
 
 @compiled()
-def track(
-    before: Array, after: Array, dt: float, cruise: float, limits: tuple[float, float, float, float]
-) -> None:
+def track(before: Array, after: Array, dt: float, cruise: float, limits: Limits) -> None:
     """Write what has happened to each target ship into states [N, S] after a step; see `Tracker`."""
     for n in range(after.shape[0]):
         row = after[n]

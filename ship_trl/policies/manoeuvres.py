@@ -46,10 +46,10 @@ class Manoeuvres:
 
     def __init__(self, world: World) -> None:
         self.world, self.table = world, manoeuvre_table(world)
-        self.actions = np.array(world.actions, np.float64)
-        self.constants = constants(world).astype(np.float64)
+        self.actions, numbers = np.array(world.actions, np.float64), constants(world).astype(np.float64)
         # Float32 states may differ from these float64 ones.
-        self.constants[1] += POSITION_TOLERANCE
+        numbers[1] += POSITION_TOLERANCE
+        self.model = self.table, self.actions, numbers, world.straight_action
 
     def follow(self, state: Tensor, plans: Tensor) -> tuple[Tensor, Tensor]:
         """Return the first actions [N] of plans [N, 3] in states [N, S], and what is left of the plans."""
@@ -73,16 +73,13 @@ class Manoeuvres:
                 others, and goes on where none is found: by rounding it may pass or arrive too late.
         """
         chosen, found = np.empty(len(state), np.int64), plans.numpy().copy()
-        rows, straight = state.double().numpy(), self.world.straight_action
-        table = self.table, self.actions, self.constants, straight
-        choose_actions(rows, order.numpy(), *table, found, chosen)
+        choose_actions(state.double().numpy(), order.numpy(), self.model, found, chosen)
         return torch.from_numpy(chosen), torch.from_numpy(found)
 
     def stay_clear(self, state: Tensor, allowed: Tensor, steps: int) -> Tensor:
         """Return where a manoeuvre behind an allowed action, bool [N, A], stays clear for some steps: [N]."""
-        found, rows = np.empty(len(state), np.bool_), state.double().numpy()
-        table = self.table, self.actions, self.constants, self.world.straight_action
-        stay_clear(rows, allowed.numpy(), *table, steps, found)
+        found = np.empty(len(state), np.bool_)
+        stay_clear(state.double().numpy(), allowed.numpy(), self.model, steps, found)
         return torch.from_numpy(found)
 
 
@@ -96,7 +93,7 @@ class BestManoeuvre:
         by_rules: whether the mean rule score counts first; only manoeuvres that reach the goal then count.
     """
 
-    def __init__(self, env: ShipEnv, by_rules: bool = False) -> None:
+    def __init__(self, env: ShipEnv, _: int = 0, *, by_rules: bool = False) -> None:
         self.manoeuvres, self.by_rules = Manoeuvres(env.world), by_rules
         self.plans = torch.empty(0, 3, dtype=torch.int64)
 
@@ -135,11 +132,6 @@ class BestManoeuvre:
             # A return is at most some hundred points.
             worth = worth + 1e4 * scores.nan_to_num(1.0) + 1e6 * arrives
         return table[int(worth.argmax())]
-
-
-def best_return(env: ShipEnv, _: int = 0) -> BestManoeuvre:
-    """Return the policy that follows the manoeuvre with the highest return."""
-    return BestManoeuvre(env)
 
 
 def best_rules(env: ShipEnv, _: int = 0) -> BestManoeuvre:

@@ -27,7 +27,8 @@ from ship_trl.learn.rollout import Policy
 from ship_trl.policies.checked import describe
 from ship_trl.policies.manoeuvres import Manoeuvres
 from ship_trl.policies.registry import SHIELD
-from ship_trl.sim.rules import COLLISION, STAGE4, keeps_clear, stands_on
+from ship_trl.sim.encounter import keeps_clear, stands_on
+from ship_trl.sim.rules import COLLISION, STAGE4
 from ship_trl.sim.state import SHIP_CLASS, STEP, relative_positions, target_ships
 
 # How much a rate of turn counts beside a speed, where a policy has no values: 0.1 rad/s as 10 m/s.

@@ -41,6 +41,7 @@ from ship_trl.sim.encounter import (
     next_classes,
     ramp,
     relative_motion,
+    stands_on,
 )
 from ship_trl.sim.geometry import angle_off_bow, nearest_points, wrap_angle
 from ship_trl.sim.rules import STAGE3, STAGE4, safety_score, wrong_side
@@ -286,9 +287,8 @@ def score_rules(states: Tensor, last: Tensor, world: World, head_on: float = HEA
     meets, crosses, overtakes = (
         kind == one for one in (Encounter.HEAD_ON, Encounter.GIVE_WAY, Encounter.OVERTAKING)
     )
-    stands_on = (kind == Encounter.STAND_ON) | (kind == Encounter.OVERTAKEN)
-    gives_way = crosses | overtakes
-    applies = (meets | gives_way, overtakes, meets, crosses, gives_way, stands_on)
+    gives_way, stays = crosses | overtakes, stands_on(kind)
+    applies = (meets | gives_way, overtakes, meets, crosses, gives_way, stays)
     scores = torch.stack((rule8, rule13, rule14, rule15, rule16, rule17), -1).clamp(min=0.0)
     is_engaged = has_onset & (at(speed, onset) > 0)
     is_port_to_port = (bearing < 0) & (aspect < 0)
@@ -300,8 +300,8 @@ def score_rules(states: Tensor, last: Tensor, world: World, head_on: float = HEA
         scores.masked_fill(~torch.stack(applies, -1), math.nan),
         turn.masked_fill(~is_engaged, math.nan),
         at(motion.distance, action).masked_fill(~(is_engaged & acts), math.nan),
-        crosses_bow.double().masked_fill(~is_engaged | stands_on, math.nan),
-        (penalties[:2].amax(0) == 0).double().masked_fill(~(is_engaged & stands_on), math.nan),
+        crosses_bow.double().masked_fill(~is_engaged | stays, math.nan),
+        (penalties[:2].amax(0) == 0).double().masked_fill(~(is_engaged & stays), math.nan),
     )
 
 

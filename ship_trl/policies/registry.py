@@ -38,7 +38,7 @@ POLICIES = {
     ),
     "apf": Named("ship_trl.policies.apf:apf", "artificial potential field (Lyu and Yin)"),
     "manoeuvre": Named(
-        "ship_trl.policies.manoeuvres:best_return", "the held manoeuvre of the highest return"
+        "ship_trl.policies.manoeuvres:BestManoeuvre", "the held manoeuvre of the highest return"
     ),
     "manoeuvre_rules": Named(
         "ship_trl.policies.manoeuvres:best_rules", "the held manoeuvre that keeps the rules best"

@@ -21,10 +21,9 @@ from tensordict import TensorDictBase
 from torch import Tensor
 
 from ship_trl.policies.steering import Steering
-from ship_trl.sim.encounter import relative_motion, ship_velocities
+from ship_trl.sim.encounter import keeps_clear, relative_motion, ship_velocities
 from ship_trl.sim.env import ShipEnv
 from ship_trl.sim.geometry import closest_approach, predicted_approach, unit_vector
-from ship_trl.sim.rules import keeps_clear
 from ship_trl.sim.state import HEADING, SHIP_CLASS, goal_course, is_present, target_ships
 
 # The turn must keep this share of the distance to keep: less than 1, so that a ship at the margin may turn.

@@ -157,6 +157,16 @@ def classify(bearing: Any, aspect: Any, head_on: float = HEAD_ON) -> Any:
     )
 
 
+def keeps_clear(kind: Tensor) -> Tensor:
+    """Return whether classes of encounter ask own ship to keep clear."""
+    return (kind == Encounter.HEAD_ON) | (kind == Encounter.GIVE_WAY) | (kind == Encounter.OVERTAKING)
+
+
+def stands_on(kind: Tensor) -> Tensor:
+    """Return whether classes of encounter ask own ship to keep course and speed."""
+    return (kind == Encounter.STAND_ON) | (kind == Encounter.OVERTAKEN)
+
+
 class Limits(NamedTuple):
     """When an encounter begins and ends.
 
@@ -258,7 +268,6 @@ def action_size(kind: Tensor, turned: Tensor, slowed: Tensor) -> Tensor:
         slowed: change of speed, as a share.
     """
     is_to_starboard = (kind == Encounter.HEAD_ON) | (kind == Encounter.GIVE_WAY)
-    stands_on = (kind == Encounter.STAND_ON) | (kind == Encounter.OVERTAKEN)
     turn = ramp(torch.where(is_to_starboard, turned, turned.abs()), TURN)
     speed = ramp(slowed, SPEED_CHANGE)
-    return torch.where(stands_on, torch.maximum(turn, speed), (turn + speed) / 2)
+    return torch.where(stands_on(kind), torch.maximum(turn, speed), (turn + speed) / 2)

@@ -10,7 +10,7 @@ from __future__ import annotations
 import torch
 from torch import Tensor
 
-from ship_trl.sim.encounter import Encounter, relative_motion
+from ship_trl.sim.encounter import Encounter, keeps_clear, relative_motion, stands_on
 from ship_trl.sim.geometry import closest_approach
 from ship_trl.sim.state import SHIP_ACTION, SHIP_CLASS, SHIP_COUNT, relative_positions, target_ships
 
@@ -23,16 +23,6 @@ RADII, GAINS = (COLLISION, 50.0, 100.0, 200.0), (0.5, 0.3, 0.2)
 
 # What lacks in a pass counts so much, beside an action in full.
 PASS = 2.0
-
-
-def keeps_clear(kind: Tensor) -> Tensor:
-    """Return whether classes of encounter ask own ship to keep clear."""
-    return (kind == Encounter.HEAD_ON) | (kind == Encounter.GIVE_WAY) | (kind == Encounter.OVERTAKING)
-
-
-def stands_on(kind: Tensor) -> Tensor:
-    """Return whether classes of encounter ask own ship to keep course and speed."""
-    return (kind == Encounter.STAND_ON) | (kind == Encounter.OVERTAKEN)
 
 
 def safety_score(distance: Tensor, bearing: Tensor, aspect: Tensor, safe: float) -> Tensor:

@@ -18,13 +18,7 @@ from ship_trl.sim.state import goal_distance, goal_off_bow, is_present, relative
 TCPA, DCPA, MAX_SIZE, MIN_SPEED = 20.0, 100.0, 2.0, 1e-3
 # Units of the time since an encounter began (s), and of own turn since then (rad).
 SINCE, TURNED = 20.0, 0.5
-CLASSES = (
-    Encounter.HEAD_ON,
-    Encounter.GIVE_WAY,
-    Encounter.STAND_ON,
-    Encounter.OVERTAKING,
-    Encounter.OVERTAKEN,
-)
+CLASSES = tuple(Encounter)[1:]
 
 # Maps states [..., S] to numbers [..., F].
 Numbers = Callable[[Tensor], Tensor]

@@ -167,8 +167,8 @@ def _write_page(
     width = 2 * MARGIN + columns * (side + GAP) - GAP
     footer = [line for text in footer for line in _wrap(text, width - 2 * MARGIN, letters)]
     rows = [cells[k : k + columns] for k in range(0, len(cells), columns)]
-    heights = [side + GAP + max(sum(map(_height, lines)) for _, lines in row) for row in rows]
-    tops = list(accumulate(heights, initial=MARGIN + 34 * bool(header)))
+    captions = [max(sum(_leading(size) for _, size, _ in lines) for _, lines in row) for row in rows]
+    tops = list(accumulate((side + GAP + one for one in captions), initial=MARGIN + 34 * bool(header)))
     page = pen.new_surface(width, tops[-1] + len(footer) * _leading(letters) + MARGIN, BACKGROUND)
     x = float(MARGIN)
     for text, size, colour in header:
@@ -180,9 +180,9 @@ def _write_page(
             for line in lines:
                 text, size, colour = line
                 is_name = line is lines[0] and len(lines) > 1
-                at = left, down + _height(line) / 2
+                at = left, down + _leading(size) / 2
                 pen.write(page, pen.cut(text, side, size, is_name, is_name), at, colour, size, is_name)
-                down += _height(line)
+                down += _leading(size)
     for k, text in enumerate(footer):
         pen.write(page, text, (MARGIN, tops[-1] + (k + 0.5) * _leading(letters)), FAINT, letters)
     pen.save(page, path)
@@ -204,10 +204,6 @@ def _wrap(text: str, width: float, size: int) -> list[str]:
         else:
             lines.append(part)
     return lines
-
-
-def _height(line: Line) -> int:
-    return _leading(line[1])
 
 
 def _leading(letters: int) -> int:

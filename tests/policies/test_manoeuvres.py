@@ -13,7 +13,7 @@ from ship_trl.fast.manoeuvres import arrives
 from ship_trl.fast.worlds import draw_starts, make_env
 from ship_trl.foreign.suites import load_suite
 from ship_trl.learn.rollout import Episode, rollout
-from ship_trl.policies.manoeuvres import Manoeuvres, best_return, best_rules
+from ship_trl.policies.manoeuvres import BestManoeuvre, Manoeuvres, best_rules
 from ship_trl.policies.metrics import score_rules
 from ship_trl.sim.cases import GIVES_WAY, HOLDS_COURSE, load_world
 from ship_trl.sim.state import SHIP_BEHAVIOUR, target_ships
@@ -32,9 +32,9 @@ def test_the_prediction_is_what_the_simulator_does(world: World, reacting: bool)
     first = torch.arange(len(table)) % len(world.actions)
     suite = load_suite("traffic", world)
     for start in draw_starts(suite, world, 9, 70):
-        numbers, constants = start.double().numpy(), (manoeuvres.actions, manoeuvres.constants)
+        numbers = start.double().numpy()
         predicted = [
-            arrives(numbers, int(a), plan, *constants, world.straight_action, reacting)
+            arrives(numbers, int(a), plan, manoeuvres.model, reacting)
             for a, plan in zip(first, manoeuvres.table, strict=True)
         ]
         goal = sail(manoeuvres, start, first, table, HOLDS_COURSE)
@@ -64,7 +64,7 @@ def sail(manoeuvres: Manoeuvres, start: Tensor, first: Tensor, plans: Tensor, be
 def test_the_best_manoeuvre_solves_what_the_generator_keeps(name: str) -> None:
     suite = load_suite(name, WORLD)
     env = make_env(suite, WORLD, starts=draw_starts(suite, WORLD, 30, 40))
-    by_return, by_rules = rollout(env, best_return(env)), rollout(env, best_rules(env))
+    by_return, by_rules = rollout(env, BestManoeuvre(env)), rollout(env, best_rules(env))
     assert all(one.goal for one in (*by_return, *by_rules))
     assert all(a.episode_return >= b.episode_return - 1e-3 for a, b in zip(by_return, by_rules, strict=True))
 

@@ -90,12 +90,7 @@ def main(arguments: list[str] | None = None) -> None:
 
 def finished_runs(folders: list[Path], arm: str | None) -> list[RunRecord]:
     """Find the runs in folders and below, at least one; name those that cannot be read on stderr."""
-    found: list[RunRecord] = []
-    for folder in folders:
-        whole, broken = collect(folder)
-        for path, error in broken:
-            print_error(f"{path}: {error}; left out")
-        found += [one for one in drop_copies(whole) if arm in (None, one.arm)]
+    found = [one for folder in folders for one in drop_copies(collect(folder)) if arm in (None, one.arm)]
     if found:
         return found
     from ship_trl.study.tables import has_tables

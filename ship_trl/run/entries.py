@@ -176,10 +176,7 @@ def folder_entries(folder: Path, given: Given) -> list[Entry]:
     no return is claimed: the run was evaluated on others.
     """
     found, changes = list[Entry](), given.changes
-    readable, broken = collect(folder)
-    for path, error in broken:
-        print_error(f"{path}: {error}; left out")
-    for run in readable:
+    for run in collect(folder):
         place = run.folder
         world, colour, trained, reading = read_settings(place)
         bounds = trained if changes.perturbation.is_none else changes.perturbation

@@ -42,9 +42,9 @@ def locate(name: str, folder: Path) -> str:
     return name
 
 
-def collect(folder: Path) -> tuple[list[RunRecord], list[tuple[Path, str]]]:
-    """Return the results in `folder` and below, and the folder and the error of each unreadable one."""
-    found, broken = [], []
+def collect(folder: Path) -> list[RunRecord]:
+    """Return the results in `folder` and below; name those that cannot be read on stderr."""
+    found = []
     for path in sorted(folder.rglob(RESULT)):
         if path.parent.name.startswith(DAMAGED):
             continue
@@ -52,8 +52,8 @@ def collect(folder: Path) -> tuple[list[RunRecord], list[tuple[Path, str]]]:
             part = one_line("/".join(path.relative_to(folder).parts[:-4]))
             found.append(replace(read_run(path.parent, part), below=folder))
         except RunError as error:
-            broken.append((path.parent, str(error)))
-    return name_settings(found), broken
+            print_error(f"{path.parent}: {error}; left out")
+    return name_settings(found)
 
 
 def drop_copies(found: Iterable[RunRecord]) -> list[RunRecord]:

@@ -29,7 +29,7 @@ def run(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> str:
     found = SimpleNamespace(folder=folder, target=str(target), label="one", name="scratch", seed=0)
     found.best = found.final = claim
     settings = load_world({"safe_distance": 60.0}), False, Perturbation(), Situations(safe=0.5)
-    monkeypatch.setattr(entries, "collect", lambda _: ([found], []))
+    monkeypatch.setattr(entries, "collect", lambda _: [found])
     monkeypatch.setattr(entries, "read_settings", lambda _: settings)
     return str(folder)
 

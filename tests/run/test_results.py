@@ -43,7 +43,7 @@ def write(folder: Path, arm: str, seed: int, profile: str = "quick", **settings:
 
 def rows(folder: Path) -> dict[str, list[int]]:
     """The seeds of each row."""
-    return {name: [one.seed for one in runs] for name, runs in group_runs(collect(folder)[0]).items()}
+    return {name: [one.seed for one in runs] for name, runs in group_runs(collect(folder)).items()}
 
 
 def test_a_row_holds_runs_that_differ_only_in_their_seeds(tmp_path: Path) -> None:

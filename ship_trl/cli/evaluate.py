@@ -371,11 +371,10 @@ def score_cells(measured: Measurements, share: str = "-") -> list[str]:
 
 def describe_share(measured: Measurements, end: str) -> str:
     """Return the share of an outcome with its 95 % interval: "43% (16 to 75)"."""
-    from scipy.stats import binomtest
+    from ship_trl.study.statistics import share_interval
 
-    found = binomtest(int((measured.outcomes == end).sum()), len(measured.outcomes))
-    ends = found.proportion_ci(0.95, method="wilson")
-    return f"{found.statistic:.0%} ({100 * ends.low:.0f} to {100 * ends.high:.0f})"
+    found = share_interval(int((measured.outcomes == end).sum()), len(measured.outcomes))
+    return f"{found.value:.0%} ({100 * found.low:.0f} to {100 * found.high:.0f})"
 
 
 def describe_mean(measured: Measurements, name: str) -> str:

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import contextlib
-import ctypes
 import os
 import shutil
 import signal
@@ -12,7 +11,7 @@ from multiprocessing import current_process
 from pathlib import Path
 
 from ship_trl.config.errors import ConfigError
-from ship_trl.run.process import TIME_TO_STOP, end_by_signal
+from ship_trl.run.process import TIME_TO_STOP, call_glibc, end_by_signal
 
 # Environment variable: id of the process that starts the processes of a grid.
 LAUNCHER = "SHIP_TRL_LAUNCHER"
@@ -75,8 +74,7 @@ def die_with_launcher() -> None:
 
 def die_with_parent() -> None:
     """In a child process: end when the parent ends for any reason; on Linux only."""
-    with contextlib.suppress(AttributeError, OSError, TypeError):
-        ctypes.CDLL(None).prctl(PR_SET_PDEATHSIG, signal.SIGTERM)
+    call_glibc("prctl", PR_SET_PDEATHSIG, signal.SIGTERM)
 
 
 def check_slurm(launcher: str, key: str) -> None:

@@ -292,11 +292,6 @@ class Job:
     seed: int
     values: dict[str, Any] = field(default_factory=dict)
 
-    @property
-    def has_trained_source(self) -> bool:
-        """Whether the run starts with layers of a trained network."""
-        return Arm.parse(self.arm).has_trained_source
-
     def folder(self, study: Path) -> Path:
         """Return the run's folder."""
         return study / self.part / self.label / self.arm / f"seed={self.seed}"
@@ -320,7 +315,7 @@ def seed_jobs(config: StudyConfig, seed: int) -> Iterator[Job]:
     stage = 2 * len(groups) * block
     known: set[str] = set()
     for group in groups:
-        needed = {str(job.values["source"]) for job in group if job.has_trained_source}
+        needed = {str(job.values["source"]) for job in group if Arm.parse(job.arm).has_trained_source}
         for case in sorted(needed - known):
             if source_place(config, case) == (SOURCES, case):
                 yield replace(make_job(SOURCES, case, SCRATCH, seed, {"target": case}), stage=stage)
@@ -382,7 +377,7 @@ def source_place(config: StudyConfig, case: str) -> tuple[str, str]:
 
 def source_folder(job: Job, config: StudyConfig) -> Path | None:
     """Return the folder of the run that trains a job's source, relative to the study's; None without one."""
-    if not job.has_trained_source:
+    if not Arm.parse(job.arm).has_trained_source:
         return None
     if "source_file" in job.values:
         return Path(job.values["source_file"]).parent.relative_to(config.folder.absolute())

@@ -86,7 +86,7 @@ def write(study: Study, folder: Path, output: Path, missing: int, show: Show) ->
     for name, table in rows.items():
         tables.write_csv(output / f"{name}.csv", table)
     show(TABLES)
-    records, facts = study.records.values(), opening.facts_of(study)
+    records, facts, words = study.records.values(), opening.facts_of(study), study.plan.words
     page = study.claims.page or Path(__file__).parent / "page.html"
     environment = jinja2.Environment(
         loader=jinja2.FileSystemLoader([Path(__file__).parent, page.parent]),
@@ -103,7 +103,8 @@ def write(study: Study, folder: Path, output: Path, missing: int, show: Show) ->
         reached=reached,
         outcomes=opening.OUTCOMES,
         facts=facts,
-        command=again(study),
+        # An older plan keeps no words.
+        command=command("study", "run", *words, "output=outputs/again") if words else "",
         is_judged=study.claims.judge is not None,
         arms=arms,
         has_forgetting=any("forgetting" in row for row in arms),
@@ -129,12 +130,6 @@ def write(study: Study, folder: Path, output: Path, missing: int, show: Show) ->
             draft.write_text(content)
     told = [] if study.claims.judge else headlines[: opening.MANY]
     return [*judged.lines, *told, *([f"missing: {counted(missing, 'planned run')}"] if missing else [])]
-
-
-def again(study: Study) -> str:
-    """Return the command that runs the same study anew; empty where the plan keeps no words."""
-    words = study.plan.words
-    return command("study", "run", *words, "output=outputs/again") if words else ""
 
 
 # Names of figures. Files of an earlier report with these names are removed unless they are drawn again.

@@ -63,7 +63,7 @@ def measure_replays(transitions: int) -> list[Measurement]:
         # Transitions are stored when somebody counts them; the first one allocates the whole storage.
         ours.fill(ours.learn.num_envs)
         assert len(ours.replay) > 0
-        size = held_bytes(ours.replay, ours.parts.draw)
+        size = held_bytes(ours.replay, ours.parts.algorithm.draw)
         found.append(Measurement(group, f"ours, {kept} ({arm})", "byte", [size]))
     pixels = gymnasium.spaces.Box(0, 255, FRAME, np.uint8)
     actions = gymnasium.spaces.Discrete(len(ours.run.config.world.actions))

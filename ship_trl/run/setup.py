@@ -46,18 +46,17 @@ RETURN_TOLERANCE = 0.01
 class Parts:
     """The parts of a training that has not started, and what was measured before it.
 
-    `eval_env` begins each greedy evaluation alike, `starts` draws how training episodes begin, `draw` maps
-    states to the network's input. `untrained` are greedy episodes of the network before anything is copied,
-    `draws` are greedy returns over random draws of the layers that are not copied. `origin` names the copied
-    weights; None from scratch. `teacher` names a teacher and the digest of its file. `source_check` measures
-    returns on the source; None without one that can be measured. `fast` tells whether loops are compiled.
+    `eval_env` begins each greedy evaluation alike, `starts` draws how training episodes begin. `untrained`
+    are greedy episodes of the network before anything is copied, `draws` are greedy returns over random draws
+    of the layers that are not copied. `origin` names the copied weights; None from scratch. `teacher` names a
+    teacher and the digest of its file. `source_check` measures returns on the source; None without one that
+    can be measured. `fast` tells whether loops are compiled.
     """
 
     training: Training
     algorithm: Algorithm
     eval_env: ShipEnv
     starts: Generator
-    draw: Draw
     history: History
     untrained: list[Episode]
     draws: list[float]
@@ -78,7 +77,7 @@ class Parts:
 
     def evaluate(self, network: DuelingNetwork) -> list[Episode]:
         """Roll out the greedy episodes of a network."""
-        return rollout(self.eval_env, greedy_policy(network, self.draw, self.algorithm.mask))
+        return rollout(self.eval_env, greedy_policy(network, self.algorithm.draw, self.algorithm.mask))
 
 
 @cache
@@ -150,9 +149,8 @@ def make_parts(run: Run, device: torch.device, source: Source | None) -> Parts:
         algorithm=algorithm,
         eval_env=eval_env,
         starts=starts,
-        draw=draw,
         untrained=untrained,
-        draws=measure_jumpstart(run, algorithm, draw, eval_env),
+        draws=measure_jumpstart(run, algorithm, eval_env),
         origin=None if source is None else source.origin,
         teacher=teacher.name if teacher else None,
         source_check=make_source_check(run, source, device, mask),
@@ -212,7 +210,7 @@ def show_demonstrations(run: Run, env: ShipEnv, algorithm: Algorithm) -> None:
             )
 
 
-def measure_jumpstart(run: Run, algorithm: Algorithm, draw: Draw, eval_env: ShipEnv) -> list[float]:
+def measure_jumpstart(run: Run, algorithm: Algorithm, eval_env: ShipEnv) -> list[float]:
     """Return greedy returns before training, for random draws of the layers that are not copied.
 
     Of a suite, each draw has one episode, with a start of its own.
@@ -229,7 +227,7 @@ def measure_jumpstart(run: Run, algorithm: Algorithm, draw: Draw, eval_env: Ship
     if algorithm.mask is not None:
         given["encoders"] = {ACTION_MASK: algorithm.mask}
     env = make_run_env(run, run.target, eval_env.device, **given)
-    return jumpstart(env, draw, network, copied, count, generator)
+    return jumpstart(env, algorithm.draw, network, copied, count, generator)
 
 
 # Evaluations on the source in a run, evenly, the first and the last included. They take about 1 % of a run of

@@ -198,8 +198,8 @@ def read_newest(
         except CheckpointError as error:
             damaged[path] = str(error)
         else:
-            is_own = about.config_hash == config_hash or (about.config_hash == extends and about.is_end)
-            intact += [(path, about, tensors)] if is_own else []
+            is_end = about.config_hash == extends and about.episode == about.episodes
+            intact += [(path, about, tensors)] if is_end or about.config_hash == config_hash else []
     return max(intact, key=lambda one: one[1].steps, default=None), damaged
 
 

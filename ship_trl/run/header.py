@@ -31,11 +31,6 @@ class About:
     seconds: float
     extended: list[int]
 
-    @property
-    def is_end(self) -> bool:
-        """Whether the training had ended."""
-        return self.episode == self.episodes
-
 
 def read_header(path: Path) -> About | None:
     """Read the header of a checkpoint; None if there is none, or it cannot be read."""

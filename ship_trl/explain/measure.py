@@ -13,16 +13,7 @@ import torch
 from numpy.typing import NDArray
 from torch import Tensor
 
-from ship_trl.explain.encoding import (
-    UNKNOWN,
-    Probe,
-    estimate_cka,
-    fit_probe,
-    gram,
-    interval,
-    resamples,
-    state_mean,
-)
+from ship_trl.explain import encoding
 from ship_trl.explain.networks import Compared, Role
 from ship_trl.explain.saliency import Erased, greedy_actions
 from ship_trl.explain.states import Floats, StateSet
@@ -41,7 +32,7 @@ PAIRS = {
 OTHER_SEEDS = "different seeds"
 Row = dict[str, Any]
 # Probes of one layer by quantity.
-Probes = dict[str, Probe]
+Probes = dict[str, encoding.Probe]
 
 
 @dataclass(frozen=True)
@@ -95,10 +86,10 @@ def measure(
     probes: dict[tuple[str, str], Probes] = {}
 
     def fit(name: str, layer: str, values: Tensor) -> None:
-        kernel = gram(values)
+        kernel = encoding.gram(values)
         # Every layer and network has the same shuffled labels.
         probes[name, layer] = {
-            quantity.name: fit_probe(kernel, quantity, states, np.random.default_rng([seed, k]))
+            quantity.name: encoding.fit_probe(kernel, quantity, states, np.random.default_rng([seed, k]))
             for k, quantity in enumerate(states.quantities)
         }
         kernels[name, layer] = kernel[np.ix_(held_out, held_out)]
@@ -115,7 +106,8 @@ def measure(
         alike = a.settings is not None and a.settings == b.settings
         names = {"first": a.name, "first_role": a.role, "second": b.name, "second_role": b.role}
         for layer in layers:
-            found = estimate_cka(kernels[a.name, layer], kernels[b.name, layer], states.episode[held_out])
+            both = kernels[a.name, layer], kernels[b.name, layer]
+            found = encoding.estimate_cka(*both, states.episode[held_out])
             cka.append({**names, "layer": layer, "alike": alike, **found.cells("cka", "_")})
     log(f"CKA of {len(networks)} networks")
     probe_rows = judge_probes(networks, layers, probes, seed)
@@ -135,7 +127,7 @@ def judge_probes(
     cells = [(one.name, str(one.role), layer) for layer in layers for one in networks]
     rows = []
     for quantity, pixels in probes[PIXELS, PIXELS].items():
-        counts = resamples(len(pixels.errors), np.random.default_rng([seed, 102]))
+        counts = encoding.resamples(len(pixels.errors), np.random.default_rng([seed, 102]))
         for network, role, layer in [(PIXELS, PIXELS, PIXELS), *cells]:
             probe = probes[network, layer][quantity]
             others = () if role in (PIXELS, Role.untrained) else untrained
@@ -144,7 +136,7 @@ def judge_probes(
                 "over_untrained": [probes[name, layer][quantity] for name in others],
             }
             row: Row = {"network": network, "role": role, "layer": layer, "quantity": quantity}
-            row |= interval(probe.r2, probe.resampled_r2(counts)).cells("r2", "_")
+            row |= encoding.interval(probe.r2, probe.resampled_r2(counts)).cells("r2", "_")
             row |= {"checked_r2": probe.validation_r2, "shuffled_r2": probe.shuffled_r2}
             for name, ones in controls.items():
                 row |= difference(probe, ones, counts).cells(name, "_")
@@ -152,13 +144,13 @@ def judge_probes(
     return rows
 
 
-def difference(probe: Probe, controls: Sequence[Probe], counts: Floats) -> Estimate:
+def difference(probe: encoding.Probe, controls: Sequence[encoding.Probe], counts: Floats) -> Estimate:
     """Estimate how far the R² of a probe is above the mean of its controls; unknown without controls."""
     if not controls:
-        return UNKNOWN
+        return encoding.UNKNOWN
     value = probe.r2 - float(np.mean([one.r2 for one in controls]))
     control = np.mean([one.resampled_r2(counts) for one in controls], axis=0)
-    return interval(value, probe.resampled_r2(counts) - control)
+    return encoding.interval(value, probe.resampled_r2(counts) - control)
 
 
 def measure_erased(networks: list[Compared], states: StateSet, erased: list[Erased], seed: int) -> list[Row]:
@@ -181,11 +173,11 @@ def measure_erased(networks: list[Compared], states: StateSet, erased: list[Eras
         for one, change in zip(networks, changed, strict=True):
             # The same resamples for every network and thing.
             share, over_untrained = (
-                state_mean(values, episode, np.random.default_rng([seed, 103]))
+                encoding.state_mean(values, episode, np.random.default_rng([seed, 103]))
                 for values in (change, change - control)
             )
             if one.role is Role.untrained:
-                over_untrained = UNKNOWN
+                over_untrained = encoding.UNKNOWN
             labels = {"network": one.name, "role": one.role, "thing": thing.thing, "states": len(episode)}
             rows.append(labels | share.cells("changed", "_") | over_untrained.cells("over_untrained", "_"))
     return rows

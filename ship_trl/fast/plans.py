@@ -175,7 +175,6 @@ class Training(NamedTuple):
         amounts: those of the world's rewards.
         extra: distance, penalty, rules and collision of the margin.
         tracked: speed of going straight, and when an encounter begins and ends.
-        gamma: discount of a step.
     """
 
     actions: Array
@@ -184,7 +183,6 @@ class Training(NamedTuple):
     amounts: tuple[float, ...]
     extra: tuple[float, float, float, float]
     tracked: tuple[float, tuple[float, ...]]
-    gamma: float
 
 
 @compiled(RELAXED)
@@ -193,7 +191,7 @@ def follow(row: Array, plan: Array, ships: Array, training: Training) -> tuple[i
 
     `ships` [K, SHIP] are the target ships, and are moved.
     """
-    actions, straight, limits, amounts, extra, tracked, gamma = training
+    actions, straight, limits, amounts, extra, tracked = training
     dt, safe, to_goal, max_steps = limits[:4]
     left_speed, left_turn, mean_speed, mean_turn = limits[4:8]
     margin, penalty, rules, sunk = extra
@@ -201,7 +199,7 @@ def follow(row: Array, plan: Array, ships: Array, training: Training) -> tuple[i
     x, y, heading, speed, yaw = row[col.X], row[col.Y], row[col.HEADING], row[col.SPEED], row[col.YAW_RATE]
     cos, sin = math.cos(heading), math.sin(heading)
     off = wrapped(math.atan2(row[col.GOAL_Y] - y, row[col.GOAL_X] - x) - heading)
-    first, total, discount, nearing = -1, 0.0, 1.0, True
+    first, total, nearing = -1, 0.0, True
     hold, wait = plan[1], plan[2]
     for _ in range(int(max_steps - row[col.STEP])):
         if hold > 0:
@@ -240,10 +238,9 @@ def follow(row: Array, plan: Array, ships: Array, training: Training) -> tuple[i
             earned += rules * more
             is_turning = hold + wait > 0 or abs(off) > AHEAD or abs(yaw) > 0
             nearing = is_nearing or is_turning or slowed > SLOWED
-        total += discount * earned
+        total += earned
         if reached or collided:
             break
-        discount *= gamma
     return first, total
 
 
@@ -278,14 +275,13 @@ class PlanValues:
     Args:
         world: physics and reward.
         margin: what training adds to the reward.
-        gamma: discount of a step.
         scale: factor of the values.
 
     Attributes:
         table: the manoeuvres, as in `policies.manoeuvres`, int64 [P, 3].
     """
 
-    def __init__(self, world: World, margin: Margin, gamma: float = 1.0, scale: float = 1.0) -> None:
+    def __init__(self, world: World, margin: Margin, scale: float = 1.0) -> None:
         straight, tracker = world.straight_action, Tracker(world)
         hardest = max(abs(turn) for _, turn in world.actions)
         table = [(straight, hold, 0) for hold in WAIT]
@@ -301,7 +297,6 @@ class PlanValues:
             reward_amounts(world.reward),
             (margin.distance, margin.penalty, margin.rules, margin.collision),
             (float(tracker.cruise), tuple(map(float, tracker.limits))),
-            float(gamma),
         )
 
     def __call__(self, states: Tensor) -> Tensor:

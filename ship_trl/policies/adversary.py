@@ -17,17 +17,7 @@ from torch import Generator, Tensor
 
 from ship_trl.config.types import Traffic
 from ship_trl.fast.worlds import make_starts
-from ship_trl.policies.exam import (
-    Array,
-    are_drawn,
-    are_solvable,
-    bounds_of,
-    describe_ships,
-    place_ships,
-    read_ships,
-    run_scenes,
-    with_ships,
-)
+from ship_trl.policies import exam
 from ship_trl.policies.registry import Entry
 from ship_trl.sim.starts import BANDS
 from ship_trl.sim.state import SHIP_SPEED, SPEED, target_ships
@@ -49,14 +39,14 @@ class Found:
         collision: which of them are collisions, bool [F].
     """
 
-    tries: Array
+    tries: exam.Array
     scenes: Tensor
-    collision: Array
+    collision: exam.Array
 
 
-def keep_speeds(states: Tensor, traffic: Traffic) -> Array:
+def keep_speeds(states: Tensor, traffic: Traffic) -> exam.Array:
     """Return in which states [N, S] every ship has a speed that the traffic gives its class of encounter."""
-    encounter, _, _ = describe_ships(states)
+    encounter, _, _ = exam.describe_ships(states)
     speed, own = target_ships(states)[..., SHIP_SPEED].numpy(), states[:, SPEED, None].numpy()
     keeps = np.zeros(encounter.shape, bool)
     for one, (_, _, shares) in BANDS.items():
@@ -66,22 +56,24 @@ def keep_speeds(states: Tensor, traffic: Traffic) -> Array:
     return np.asarray(keeps.all(-1))
 
 
-def change(states: Tensor, size: Array, entry: Entry, numbers: np.random.Generator) -> tuple[Tensor, Array]:
+def change(
+    states: Tensor, size: exam.Array, entry: Entry, numbers: np.random.Generator
+) -> tuple[Tensor, exam.Array]:
     """Change all ships of states [N, S] by steps of a size [N], as a share of the bounds.
 
     Returns:
         The states, and which of them keep the bounds of the entry's suite and are solvable, bool [N].
     """
-    traffic, world, states, before = entry.suite.traffic, entry.world, states.clone(), read_ships(states)
+    traffic, world, states, before = entry.suite.traffic, entry.world, states.clone(), exam.read_ships(states)
     assert traffic is not None
-    low, high = bounds_of(traffic, world.actions[world.straight_action][0])
+    low, high = exam.bounds_of(traffic, world.actions[world.straight_action][0])
     step = size[:, None, None] * (high - low) * numbers.normal(size=before.shape)
     ships = before + step * (numbers.random(before.shape) < CHANGED)
-    place_ships(states, ships)
+    exam.place_ships(states, ships)
     # A course has no bounds.
     kept = ((ships >= low) & (ships <= high))[..., 1:].all((1, 2))
-    kept &= are_drawn(states, traffic) & keep_speeds(states, traffic)
-    kept[kept] = are_solvable(states[torch.from_numpy(kept)], world)
+    kept &= exam.are_drawn(states, traffic) & keep_speeds(states, traffic)
+    kept[kept] = exam.are_solvable(states[torch.from_numpy(kept)], world)
     return states, kept
 
 
@@ -105,7 +97,7 @@ def search(
         is_random: whether to draw every scene from the suite, as a control.
         show: is given the share of the tries that is done.
     """
-    starts = make_starts(with_ships(entry.suite, ships), entry.world)
+    starts = make_starts(exam.with_ships(entry.suite, ships), entry.world)
     generator, numbers = Generator().manual_seed(seed), np.random.default_rng(seed)
     tries, scenes, collisions = np.full(searches, np.inf), list[Tensor](), list[bool]()
     parents, least, step = starts.sample(searches, generator), np.full(searches, np.inf), np.zeros(searches)
@@ -116,14 +108,14 @@ def search(
         show(done / most)
         # Random scenes, in place of which come changed ones where there is a step.
         children = starts.sample(CHILDREN * len(active), generator)
-        place_ships(children, read_ships(children))
+        exam.place_ships(children, exam.read_ships(children))
         left = np.repeat(step[active] > 0, CHILDREN).nonzero()[0]
         for _ in range(DRAWS):
             parent = active[left // CHILDREN]
             changed, kept = change(parents[parent], step[parent], entry, numbers)
             children[left[kept]] = changed[torch.from_numpy(kept)]
             left = left[~kept]
-        ends = run_scenes(entry, children, seed)
+        ends = exam.run_scenes(entry, children, seed)
         for one, failed, margin, first in zip(
             active,
             ~ends.goal.reshape(-1, CHILDREN),

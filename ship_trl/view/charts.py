@@ -24,27 +24,8 @@ from ship_trl.learn.rollout import Episode
 from ship_trl.sim.cases import Case
 from ship_trl.sim.scale import Scale
 from ship_trl.sim.state import GOAL_X, GOAL_Y
+from ship_trl.view import style
 from ship_trl.view.episode import Telemetry, measure_episode
-from ship_trl.view.style import (
-    BEST_KNOWN,
-    BLACK,
-    CHART,
-    CHART_OUTCOMES,
-    CHART_SERIES,
-    EPSILON,
-    GOAL,
-    MUTED,
-    OTHERS,
-    SHIPS,
-    Style,
-    add_legend,
-    arm_in,
-    arm_styles,
-    circle_names,
-    look_of,
-    number,
-    save_figure,
-)
 
 # Episodes in the moving mean of training returns.
 MEAN_OVER = 25
@@ -69,7 +50,7 @@ Returns = NDArray[np.float64]
 Groups = Mapping[str, Sequence[RunRecord]]
 
 
-@matplotlib.rc_context(CHART)
+@matplotlib.rc_context(style.CHART)
 def draw_curve(path: Path, rows: Sequence[Row], best_return: float | None, title: str) -> None:
     """Write the learning curve of one run as a PNG of 1200 x 800; `rows` are those of its `curve.csv`.
 
@@ -82,47 +63,48 @@ def draw_curve(path: Path, rows: Sequence[Row], best_return: float | None, title
     finished, evaluated = (lines[lines[name].notna()] for name in ("return", "greedy_return"))
     has_rates = evaluated["greedy_episodes"].max() > 1
     figure.suptitle(title, fontsize=15, fontweight="bold")
-    for outcome, (colour, marker) in CHART_OUTCOMES.items():
-        style: Style = {"linestyle": "", "marker": marker, "color": colour}
+    for outcome, (colour, marker) in style.CHART_OUTCOMES.items():
+        look: style.Style = {"linestyle": "", "marker": marker, "color": colour}
         trained = finished.loc[finished["outcome"] == outcome, ["episode", "return"]].to_numpy()
         # The legend also lists an outcome that never happened.
         label = f"training: {outcome} ({len(trained)})"
-        upper.plot(*trained.T, markersize=4, alpha=0.4, label=label, **style)
+        upper.plot(*trained.T, markersize=4, alpha=0.4, label=label, **look)
         ended = evaluated["greedy_outcome"] == outcome
         greedy = evaluated.loc[ended, ["episode", "greedy_return"]].to_numpy()
         if len(greedy) and not has_rates:
             # A cross consists only of its edge.
-            edge = colour if marker == "x" else BLACK
+            edge = colour if marker == "x" else style.BLACK
             label = f"greedy: {outcome} ({len(greedy)})"
-            upper.plot(*greedy.T, markersize=7, mec=edge, zorder=4, label=label, **style)
+            upper.plot(*greedy.T, markersize=7, mec=edge, zorder=4, label=label, **look)
     episodes, mean = finished["episode"], moving_mean(finished["return"], MEAN_OVER)
     label = f"training: mean of {MEAN_OVER}"
-    upper.plot(episodes, mean, color=CHART_SERIES[0], linewidth=2.2, label=label)
+    upper.plot(episodes, mean, color=style.CHART_SERIES[0], linewidth=2.2, label=label)
     steps, returns = evaluated["episode"], evaluated["greedy_return"]
     label = "greedy evaluation, mean" if has_rates else "greedy evaluation"
-    upper.step(steps, returns, where="post", color=BLACK, linewidth=1.2, label=label)
+    upper.step(steps, returns, where="post", color=style.BLACK, linewidth=1.2, label=label)
     if has_rates:
         label, rates = "greedy share of goals", evaluated["greedy_success_rate"]
-        lower.step(steps, rates, where="post", color=BLACK, linewidth=1.2, label=label)
+        lower.step(steps, rates, where="post", color=style.BLACK, linewidth=1.2, label=label)
     upper.set_ylabel("return of an episode (undiscounted raw reward)")
     if best_return is not None:
         best = f"best known: {best_return:.1f}"
-        upper.axhline(best_return, color=BEST_KNOWN, linestyle="--", linewidth=1.8, label=best)
+        upper.axhline(best_return, color=style.BEST_KNOWN, linestyle="--", linewidth=1.8, label=best)
     for outcome, line in (("goal", "-"), ("collision", "-.")):
         share = moving_mean(finished["outcome"] == outcome, MEAN_OVER)
-        style = {"color": CHART_OUTCOMES[outcome][0], "linestyle": line}
-        lower.plot(episodes, share, label=f"share of {outcome}s, last {MEAN_OVER}", **style)
+        look = {"color": style.CHART_OUTCOMES[outcome][0], "linestyle": line}
+        lower.plot(episodes, share, label=f"share of {outcome}s, last {MEAN_OVER}", **look)
     epsilons = finished["epsilon"].astype(float)
     if epsilons.notna().any():
-        lower.plot(episodes, epsilons, color=EPSILON, linestyle=":", linewidth=2, label="exploration rate ε")
+        label = "exploration rate ε"
+        lower.plot(episodes, epsilons, color=style.EPSILON, linestyle=":", linewidth=2, label=label)
     lower.set(ylim=(-0.04, 1.04), ylabel="share (0 to 1)", xlabel="training episodes")
     for axes in (upper, lower):
         axes.margins(x=0.01)
         axes.legend(loc="upper left", bbox_to_anchor=(1.0, 1.0), fontsize=10.5)
-    save_figure(figure, path)
+    style.save_figure(figure, path)
 
 
-@matplotlib.rc_context(CHART)
+@matplotlib.rc_context(style.CHART)
 def draw_transfer(
     path: Path, arm: str, returns: Sequence[float], scratch: Returns, best_return: float | None, title: str
 ) -> None:
@@ -134,23 +116,23 @@ def draw_transfer(
     seeds = counted(len(scratch), "seed")
     if len(scratch) > 1:
         seeds += ", median; band: from the worst to the best"
-    label = f"from scratch: {seeds}; mean of all episodes {number(scratch.mean(), '.0f')}"
+    label = f"from scratch: {seeds}; mean of all episodes {style.number(scratch.mean(), '.0f')}"
     episodes = np.arange(1, smooth.shape[1] + 1)
-    _draw_band(axes, episodes, smooth, label, look_of("scratch"), 2.2)
+    _draw_band(axes, episodes, smooth, label, style.look_of("scratch"), 2.2)
     mean = moving_mean(returns, MEAN_OVER)
-    label = f"{arm}, this run; mean of all episodes {number(float(np.mean(returns)), '.0f')}"
-    axes.plot(np.arange(1, len(mean) + 1), mean, **look_of(arm), linewidth=2.8, label=label)
+    label = f"{arm}, this run; mean of all episodes {style.number(float(np.mean(returns)), '.0f')}"
+    axes.plot(np.arange(1, len(mean) + 1), mean, **style.look_of(arm), linewidth=2.8, label=label)
     if best_return is not None:
         label = f"best known return: {best_return:.1f}"
-        axes.axhline(best_return, color=BEST_KNOWN, linestyle=":", linewidth=2.2, label=label)
+        axes.axhline(best_return, color=style.BEST_KNOWN, linestyle=":", linewidth=2.2, label=label)
     axes.set_xlabel("training episodes", fontsize=12)
     axes.set_ylabel(f"training return, mean of the last {MEAN_OVER} episodes", fontsize=12)
     axes.margins(x=0.01)
     figure.legend(loc="outside lower left", ncols=1, fontsize=12)
-    save_figure(figure, path)
+    style.save_figure(figure, path)
 
 
-@matplotlib.rc_context(CHART)
+@matplotlib.rc_context(style.CHART)
 def draw_comparison(path: Path, panels: Mapping[str, Groups]) -> None:
     """Write a PNG with a panel for each pair: training returns above, greedy returns below."""
     columns = min(COLUMNS, len(panels))
@@ -160,14 +142,14 @@ def draw_comparison(path: Path, panels: Mapping[str, Groups]) -> None:
     places = figure.subfigures(rows, columns, squeeze=False).flat
     for place, (title, groups) in zip(places, panels.items(), strict=False):
         _draw_panel(place, title, groups)
-    save_figure(figure, path)
+    style.save_figure(figure, path)
 
 
 def _draw_panel(place: SubFigure, title: str, groups: Groups) -> None:
     best = next(iter(groups.values()))[0].best_known_return
     upper, lower = place.subplots(2, 1, sharex=True)
     upper.set_title(title)
-    styles = arm_styles(list(groups))
+    styles = style.arm_styles(list(groups))
     highest: list[float] = []
     for name, runs in groups.items():
         length = min(len(run.training.returns) for run in runs)
@@ -180,13 +162,13 @@ def _draw_panel(place: SubFigure, title: str, groups: Groups) -> None:
         highest.append(float(np.median(greedy, axis=0).max()))
     for axes in (upper, lower):
         if best is not None:
-            axes.axhline(best, color=MUTED, linewidth=1, label=f"best known: {best:.1f}")
+            axes.axhline(best, color=style.MUTED, linewidth=1, label=f"best known: {best:.1f}")
     # The bound must not hide a whole line.
     lowest = LOWEST_GREEDY if min(highest) > LOWEST_GREEDY else None
     lower.set_ylim(lowest, None if best is None else best + 15)
     lower.set_xlabel("training episodes")
     upper.set_ylabel(f"training return, mean of {MEAN_OVER}\n(median of seeds; band: all)")
-    shown = "" if lowest is None else f" above {number(lowest, '.0f')}"
+    shown = "" if lowest is None else f" above {style.number(lowest, '.0f')}"
     lower.set_ylabel(f"greedy return{shown}\n(median of seeds; band: all)")
     lines, names = upper.get_legend_handles_labels()
     in_a_row = max(1, LEGEND_LETTERS // (max(map(len, names)) + SAMPLE_LETTERS))
@@ -194,21 +176,21 @@ def _draw_panel(place: SubFigure, title: str, groups: Groups) -> None:
 
 
 def _draw_band(
-    axes: Axes, x: NDArray[np.int64], values: Returns, label: str, style: Style, width: float
+    axes: Axes, x: NDArray[np.int64], values: Returns, label: str, look: style.Style, width: float
 ) -> None:
     """Draw the median of `values` [S, N] over seeds as a line, and their range as a band."""
-    axes.plot(x, np.median(values, axis=0), label=label, linewidth=width, **style)
-    axes.fill_between(x, values.min(axis=0), values.max(axis=0), color=style["color"], alpha=0.15, lw=0)
+    axes.plot(x, np.median(values, axis=0), label=label, linewidth=width, **look)
+    axes.fill_between(x, values.min(axis=0), values.max(axis=0), color=look["color"], alpha=0.15, lw=0)
 
 
-@matplotlib.rc_context(CHART)
+@matplotlib.rc_context(style.CHART)
 def draw_trajectories(
     path: Path, case: Case, world: World, episodes: Mapping[str, Sequence[Episode]]
 ) -> None:
     """Write a PNG with a panel for each group of episodes, in which all other episodes are grey."""
     groups = {name: [measure_episode(world, one) for one in some] for name, some in episodes.items()}
     paths = [one for group in groups.values() for one in group]
-    expected, _ = circle_names(world)
+    expected, _ = style.circle_names(world)
     rows = math.ceil(len(groups) / PATHS_COLUMNS)
     columns = math.ceil(len(groups) / rows)
     width = max(PATHS_WIDTH, PATHS_MIN_WIDTH / columns)
@@ -223,15 +205,15 @@ def draw_trajectories(
             *paths[0].states[0, :2], "ko", fillstyle="none", markersize=9, mew=2, zorder=5, label="start"
         )
         goal = (case.goal[0], case.goal[1])
-        axes.plot(*goal, "*", color=GOAL, markersize=15, zorder=5, label=f"goal and {expected}")
-        axes.add_patch(Circle(goal, world.goal_distance, facecolor=GOAL, alpha=0.12, zorder=1))
-        axes.add_patch(Circle(goal, world.goal_distance, fill=False, edgecolor=GOAL, zorder=1))
+        axes.plot(*goal, "*", color=style.GOAL, markersize=15, zorder=5, label=f"goal and {expected}")
+        axes.add_patch(Circle(goal, world.goal_distance, facecolor=style.GOAL, alpha=0.12, zorder=1))
+        axes.add_patch(Circle(goal, world.goal_distance, fill=False, edgecolor=style.GOAL, zorder=1))
         _draw_ships(axes, max(paths, key=lambda one: one.steps))
         axes.set(xlabel="east, m", ylabel="north, m")
         axes.label_outer()
         if case.scale is not None:
             _add_miles(axes, case.scale)
-        result = number(float(np.mean([one.total[-1] for one in group])), ".1f")
+        result = style.number(float(np.mean([one.total[-1] for one in group])), ".1f")
         if len(group) == 1:
             result = f"return {result}, {group[0].outcome}"
         else:
@@ -240,15 +222,15 @@ def draw_trajectories(
         axes.set_title(f"{name}\n{result}", fontsize=10, loc="left")
         for one in paths if len(groups) > 1 else ():
             label = "the other policies"
-            axes.plot(*one.states[:, :2].T, color=OTHERS, linewidth=0.8, zorder=1, label=label)
-        arm = arm_in(name)
-        colour = CHART_SERIES[0] if arm is None else str(look_of(arm)["color"])
+            axes.plot(*one.states[:, :2].T, color=style.OTHERS, linewidth=0.8, zorder=1, label=label)
+        arm = style.arm_in(name)
+        colour = style.CHART_SERIES[0] if arm is None else str(style.look_of(arm)["color"])
         for one in group:
             _draw_path(axes, one, colour, is_thin=len(group) > 1)
-    add_legend(figure, panels, "left", 2 if columns < 3 else 3, 9.5)
+    style.add_legend(figure, panels, "left", 2 if columns < 3 else 3, 9.5)
     title = f"case {case.name}"
     figure.suptitle(title, fontsize=13, fontweight="bold", x=0.01, ha="left")
-    save_figure(figure, path)
+    style.save_figure(figure, path)
 
 
 def _add_miles(axes: Axes, scale: Scale) -> None:
@@ -272,8 +254,8 @@ def _draw_path(axes: Axes, one: Telemetry, colour: str, is_thin: bool) -> None:
         radius = one.world.safe_distance
         axes.add_patch(Circle((x, y), radius, fill=False, edgecolor=colour, zorder=3, alpha=alpha))
         label = f"closest approach, circle {radius:g} m"
-        style: Style = {"marker": ".", "markersize": 7, "markevery": [1], "linewidth": 1}
-        axes.plot(*np.stack(closest).T, color=colour, alpha=alpha, zorder=5, label=label, **style)
+        look: style.Style = {"marker": ".", "markersize": 7, "markevery": [1], "linewidth": 1}
+        axes.plot(*np.stack(closest).T, color=colour, alpha=alpha, zorder=5, label=label, **look)
     if one.outcome in ENDS:
         marker, label = ENDS[one.outcome]
         axes.plot(*own[-1], marker, color=colour, markersize=13, mew=3, zorder=6, label=label)
@@ -284,18 +266,18 @@ def _draw_ships(axes: Axes, longest: Telemetry) -> None:
     every = max(1, round(MARK_TIME / longest.world.dt))
     low, high = np.transpose([axes.get_xlim(), axes.get_ylim()])
     inset, width, taken = 0.04 * (high[1] - low[1]), high[0] - low[0], list[NDArray[np.float64]]()
-    badge = {"boxstyle": "circle,pad=0.25", "facecolor": SHIPS, "edgecolor": "none"}
-    style: Style = {"ha": "center", "va": "center", "fontsize": 10, "fontweight": "bold"}
+    badge = {"boxstyle": "circle,pad=0.25", "facecolor": style.SHIPS, "edgecolor": "none"}
+    look: style.Style = {"ha": "center", "va": "center", "fontsize": 10, "fontweight": "bold"}
     for k, places in enumerate(longest.ships.swapaxes(0, 1), 1):
         label = "target ship, numbered"
-        axes.plot(*places.T, "o-", c=SHIPS, lw=1.2, ms=3.5, markevery=every, zorder=2, label=label)
+        axes.plot(*places.T, "o-", c=style.SHIPS, lw=1.2, ms=3.5, markevery=every, zorder=2, label=label)
         inside = places[((places > low + inset) & (places < high - inset)).all(1)]
         # On its own path, but not on another number.
         free = [place for place in inside if all(math.dist(place, other) > BADGE * width for other in taken)]
         if len(inside):
             x, y = place = (free or inside)[0]
             taken.append(place)
-            axes.text(x, y, f"{k}", color="white", bbox=badge, zorder=7, **style)
+            axes.text(x, y, f"{k}", color="white", bbox=badge, zorder=7, **look)
 
 
 def _set_limits(axes: Axes, paths: Sequence[Telemetry]) -> None:

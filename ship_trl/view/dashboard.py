@@ -14,27 +14,10 @@ import numpy as np
 import pygame
 
 from ship_trl.sim import scene
-from ship_trl.view import pen
+from ship_trl.view import pen, style
 from ship_trl.view.episode import EpisodeView
 from ship_trl.view.graphs import Graph, make_graphs
 from ship_trl.view.painter import draw_legend, map_frame, paint_scene, relative_frame
-from ship_trl.view.style import (
-    BACKGROUND,
-    BAR,
-    CHOSEN,
-    DANGER,
-    FAINT,
-    HEAT,
-    RULE,
-    SKY,
-    TEXT,
-    YELLOW,
-    Colour,
-    action_text,
-    blend,
-    number,
-    pair_colours,
-)
 
 Views = tuple[EpisodeView, ...]
 Size = tuple[int, int]
@@ -63,7 +46,7 @@ class Panel:
         self.is_wide = self.room.width >= 380 * self.unit
 
     def write(
-        self, text: str, x: float, y: float, colour: Colour, bold: bool = False, across: float = 0.0
+        self, text: str, x: float, y: float, colour: style.Colour, bold: bool = False, across: float = 0.0
     ) -> None:
         """Write a line in small letters, as `pen.write` does."""
         pen.write(self.surface, text, (x, y), colour, max(9, round(13 * self.unit)), bold, across)
@@ -71,7 +54,7 @@ class Panel:
     def head(self, text: str) -> None:
         """Begin a section."""
         words = pen.cut(text, self.room.width, max(9, round(13 * self.unit)))
-        self.write(words, self.room.left, self.down + 8 * self.unit, FAINT)
+        self.write(words, self.room.left, self.down + 8 * self.unit, style.FAINT)
         self.down += 21 * self.unit
 
     def network_view(self) -> None:
@@ -89,10 +72,10 @@ class Panel:
         self.surface.blit(pen.from_array(self.view.see(self.step).cpu().numpy(), side), box)
         if heat is not None:
             over = np.empty((*heat.shape, 4), dtype=np.uint8)
-            over[..., :3], over[..., 3] = HEAT, (245 * heat).astype(np.uint8)
+            over[..., :3], over[..., 3] = style.HEAT, (245 * heat).astype(np.uint8)
             glow = pygame.image.frombuffer(over.tobytes(), heat.shape, "RGBA")
             self.surface.blit(pygame.transform.smoothscale(glow, (side, side)), box)
-        pygame.draw.rect(self.surface, RULE, box.inflate(2, 2), 1)
+        pygame.draw.rect(self.surface, style.RULE, box.inflate(2, 2), 1)
         self.down += side + 14 * self.unit
 
     def length(self, metres: float, decimals: int) -> str:
@@ -104,22 +87,23 @@ class Panel:
         """Write the action of this step, the time, the value, the return and distances."""
         numbers, world, step = self.numbers, self.world, self.step
         chosen, q = numbers.action(step), numbers.q(step)
-        items = [(TEXT, f"step {step} of {world.max_steps}, {step * world.dt:g} s")]
+        items = [(style.TEXT, f"step {step} of {world.max_steps}, {step * world.dt:g} s")]
         if chosen is not None:
             speed, turn = world.actions[chosen]
             side = "keep course" if turn == 0 else "to port" if turn > 0 else "to starboard"
             told = f"{speed:g} m/s" if self.sea is None else f"{speed:g} m/s, {self.sea.knots(speed)}"
-            does = f"a{chosen + 1}, {side}", f"{told}, {number(turn, 'g')} rad/s"
-            items = [*((CHOSEN, words) for words in does), *items]
+            does = f"a{chosen + 1}, {side}", f"{told}, {style.number(turn, 'g')} rad/s"
+            items = [*((style.CHOSEN, words) for words in does), *items]
         if q is not None:
-            items.append((TEXT, f"value V {number(float(q.mean()), '.3f')}"))
-        items.append((TEXT, f"return so far {number(float(numbers.total[step]), '.1f')}"))
-        items.append((TEXT, f"{self.length(float(numbers.goal_distance[step]), 0)} to the goal"))
+            items.append((style.TEXT, f"value V {style.number(float(q.mean()), '.3f')}"))
+        items.append((style.TEXT, f"return so far {style.number(float(numbers.total[step]), '.1f')}"))
+        items.append((style.TEXT, f"{self.length(float(numbers.goal_distance[step]), 0)} to the goal"))
         if numbers.ships.size:
             closest = float(numbers.closest[step].min())
             # With one decimal: a pass at 45.1 m is no collision, one at 44.9 m is.
             is_danger = closest < world.safe_distance
-            items.append((DANGER if is_danger else TEXT, f"closest so far {self.length(closest, 1)}"))
+            colour = style.DANGER if is_danger else style.TEXT
+            items.append((colour, f"closest so far {self.length(closest, 1)}"))
         room = pygame.Rect(self.room.left, self.down, self.room.width, 0)
         self.down = pen.flow(self.surface, items, room, max(9, round(15 * self.unit)))
 
@@ -137,26 +121,28 @@ class Panel:
         self.head("actions (no Q-values)" if self.numbers.q_values is None else "actions")
         for k in range(len(self.world.actions)):
             middle, is_chosen = self.down + (k + 0.5) * pitch, k == chosen
-            colour = CHOSEN if is_chosen else TEXT
+            colour = style.CHOSEN if is_chosen else style.TEXT
             if is_chosen:
                 row = pygame.Rect(0, 0, room.width + 8, round(pitch))
                 row.midleft = (room.left - 4, round(middle))
-                pygame.draw.rect(self.surface, blend(CHOSEN, BACKGROUND, 0.16), row, border_radius=4)
+                shade = style.blend(style.CHOSEN, style.BACKGROUND, 0.16)
+                pygame.draw.rect(self.surface, shade, row, border_radius=4)
             name = f"a{k + 1}" + (" \N{BLACK LEFT-POINTING POINTER}" if is_chosen else "")
             self.write(name, room.left, middle, colour, bold=is_chosen)
             if self.is_wide or q is None:
-                shade = TEXT if is_chosen else FAINT
-                self.write(action_text(self.world, k), room.left + 48 * unit, middle, shade)
+                shade = style.TEXT if is_chosen else style.FAINT
+                self.write(style.action_text(self.world, k), room.left + 48 * unit, middle, shade)
             if q is not None:
                 end = zero + half * float(q[k] - q.mean()) / max(1e-6, float(np.abs(q - q.mean()).max()))
                 box = pygame.Rect(0, 0, max(1, round(abs(end - zero))), round(0.6 * pitch))
                 box.midleft = (round(min(zero, end)), round(middle))
-                pygame.draw.rect(self.surface, CHOSEN if is_chosen else BAR, box)
-                self.write(number(float(q[k]), ".3f"), room.right, middle, colour, bold=is_chosen, across=1)
+                pygame.draw.rect(self.surface, style.CHOSEN if is_chosen else style.BAR, box)
+                told = style.number(float(q[k]), ".3f")
+                self.write(told, room.right, middle, colour, bold=is_chosen, across=1)
         if q is not None:
-            self.write("value V", zero, self.down - 13 * unit, SKY, across=0.5)
-            self.write("Q", room.right, self.down - 13 * unit, FAINT, across=1)
-            pygame.draw.aaline(self.surface, SKY, (zero, self.down), (zero, bottom), 2)
+            self.write("value V", zero, self.down - 13 * unit, style.SKY, across=0.5)
+            self.write("Q", room.right, self.down - 13 * unit, style.FAINT, across=1)
+            pygame.draw.aaline(self.surface, style.SKY, (zero, self.down), (zero, bottom), 2)
         self.down = bottom + 18 * unit
 
     def ships(self) -> None:
@@ -172,7 +158,7 @@ class Panel:
         about = "; DCPA and TCPA if all keep course and speed" if self.is_wide else ""
         self.head(f"target ships{'' if sea is None else ', NM at sea'}{about}")
         third = "closest" if sea is None else "speed"
-        rows = [(("ship" if self.is_wide else "", "distance", third, "DCPA", "TCPA"), (FAINT,) * 5)]
+        rows = [(("ship" if self.is_wide else "", "distance", third, "DCPA", "TCPA"), (style.FAINT,) * 5)]
         for k in range(count):
             time, is_danger = float(numbers.tcpa[step, k]), numbers.is_danger(step, k)
             apart, dcpa = float(numbers.apart[step, k]), float(numbers.dcpa[step, k])
@@ -185,8 +171,8 @@ class Panel:
             near, third, pass_at, left = told
             warned = f"{'! ' if is_danger else ''}{pass_at}"
             cells = (f"{k + 1}", near, third, warned, left if time > 0 else "passed")
-            warning = YELLOW if is_danger else TEXT
-            rows.append((cells, (scene.TARGET, TEXT, TEXT, warning, warning)))
+            warning = style.YELLOW if is_danger else style.TEXT
+            rows.append((cells, (scene.TARGET, style.TEXT, style.TEXT, warning, warning)))
         columns = (0, 1, 2, 3, 4) if self.is_wide else (0, 1, 3, 4)
         pitch, size, first = (26, 14, 40) if self.is_wide else (22, 13, 30)
         gap = (room.width - first * unit) / (len(columns) - 1)
@@ -196,7 +182,7 @@ class Panel:
         for cells, colours in rows:
             for place, k in enumerate(columns):
                 at = (room.left + first * unit + gap * place, self.down + low / 2)
-                is_bold = colours[k] in (scene.TARGET, YELLOW)
+                is_bold = colours[k] in (scene.TARGET, style.YELLOW)
                 pen.write(self.surface, cells[k], at, colours[k], letters, is_bold, across=1)
             self.down += low
 
@@ -310,8 +296,8 @@ def step_at(size: Size, views: Sequence[EpisodeView], place: tuple[int, int]) ->
 @lru_cache(1)
 def _draw_still(size: Size, views: Views, steps: tuple[int, ...], look: Look, status: str) -> pygame.Surface:
     """Draw everything but the scenes and the graphs."""
-    surface, layout = pen.new_surface(*size, BACKGROUND), Layout(size, len(views))
-    unit, colours = layout.unit, pair_colours([view.title for view in views])
+    surface, layout = pen.new_surface(*size, style.BACKGROUND), Layout(size, len(views))
+    unit, colours = layout.unit, style.pair_colours([view.title for view in views])
     _draw_header(surface, views, status, unit)
     for k, (view, step) in enumerate(zip(views, steps, strict=True)):
         scene, beside, letters = layout.scene(k), layout.panel(k), round(0.65 * layout.title)
@@ -344,17 +330,17 @@ def _draw_header(surface: pygame.Surface, views: Views, status: str, unit: float
     """Write case, title, and ideal path or scale at sea at the left, and the status at the right."""
     case, middle, size, small = views[0].case, 24 * unit, round(19 * unit), round(15 * unit)
     right = surface.get_width() - 14 * unit
-    pen.write(surface, status, (right, middle), CHOSEN, small, True, across=1)
+    pen.write(surface, status, (right, middle), style.CHOSEN, small, True, across=1)
     edge = right - 14 * unit - pen.width_of(status, small, True)
-    x = pen.write(surface, f"case {case.name}", (14 * unit, middle), TEXT, size, True) + 16 * unit
+    x = pen.write(surface, f"case {case.name}", (14 * unit, middle), style.TEXT, size, True) + 16 * unit
     if len(views) == 1:
         title = pen.cut(views[0].title, 0.7 * (edge - x), size, True)
-        x = pen.write(surface, title, (x, middle), CHOSEN, size, True) + 16 * unit
+        x = pen.write(surface, title, (x, middle), style.CHOSEN, size, True) + 16 * unit
     about = f"ideal path: {case.ideal_path}"
     if case.scale is not None:
         about = f"at sea: {case.scale.describe(views[0].telemetry.world)}"
     about = pen.cut(about, edge - x, round(14 * unit))
-    pen.write(surface, about, (x, middle), FAINT, round(14 * unit))
+    pen.write(surface, about, (x, middle), style.FAINT, round(14 * unit))
 
 
 def _draw_help(surface: pygame.Surface, lines: Sequence[tuple[str, str]], unit: float) -> None:
@@ -364,11 +350,11 @@ def _draw_help(surface: pygame.Surface, lines: Sequence[tuple[str, str]], unit: 
     width = left + max(pen.width_of(what, size) for _, what in lines) + 80 * unit
     box = pygame.Rect(0, 0, width, (len(lines) + 1) * pitch + 24 * unit)
     box.center = surface.get_rect().center
-    pygame.draw.rect(surface, BACKGROUND, box, border_radius=round(10 * unit))
-    pygame.draw.rect(surface, CHOSEN, box, 2, border_radius=round(10 * unit))
+    pygame.draw.rect(surface, style.BACKGROUND, box, border_radius=round(10 * unit))
+    pygame.draw.rect(surface, style.CHOSEN, box, 2, border_radius=round(10 * unit))
     y = box.top + 12 * unit + pitch / 2
-    pen.write(surface, "Keys", (box.left + 28 * unit, y), TEXT, round(19 * unit), True)
+    pen.write(surface, "Keys", (box.left + 28 * unit, y), style.TEXT, round(19 * unit), True)
     for key, what in lines:
         y += pitch
-        pen.write(surface, key, (box.left + 28 * unit, y), CHOSEN, size, True)
-        pen.write(surface, what, (box.left + 52 * unit + left, y), TEXT, size)
+        pen.write(surface, key, (box.left + 28 * unit, y), style.CHOSEN, size, True)
+        pen.write(surface, what, (box.left + 52 * unit + left, y), style.TEXT, size)

@@ -22,29 +22,17 @@ from ship_trl.config.types import World
 from ship_trl.sim import scene
 from ship_trl.sim.scale import Scale
 from ship_trl.sim.state import GOAL_X, GOAL_Y, HEADING, SPEED, X, Y
-from ship_trl.view import pen
+from ship_trl.view import pen, style
 from ship_trl.view.episode import Numbers, Telemetry
 from ship_trl.view.pen import Point
-from ship_trl.view.style import (
-    BACKGROUND,
-    CHOSEN,
-    DANGER,
-    FAINT,
-    GOAL_MARK,
-    OUTCOMES,
-    RULE,
-    TEXT,
-    Colour,
-    blend,
-)
 
 # Metres. The paper gives no length: a coaster, whose bow stays inside the safe distance.
 TRUE_LENGTH = 25.0
 # A hull of fewer pixels is drawn longer, but two hulls at the safe distance never touch.
 LEAST_PIXELS, HULLS_IN_SAFE_DISTANCE = 9.0, 1.2
-GRID = blend(scene.OUTSIDE, scene.DISC, 0.22)
-GOAL_AREA = blend(GOAL_MARK, scene.DISC, 0.16)
-SHIP_TRACK, OWN_TRACK = blend(scene.TARGET, scene.DISC, 0.6), blend(scene.OWN, scene.DISC, 0.7)
+GRID = style.blend(scene.OUTSIDE, scene.DISC, 0.22)
+GOAL_AREA = style.blend(style.GOAL_MARK, scene.DISC, 0.16)
+SHIP_TRACK, OWN_TRACK = style.blend(scene.TARGET, scene.DISC, 0.6), style.blend(scene.OWN, scene.DISC, 0.7)
 # A picture of fewer pixels has no labels.
 SMALL_SIDE = 240
 # Radius of the badge behind a number, in sizes of its letters. A label that finds its place taken tries these
@@ -134,8 +122,8 @@ def paint_scene(
     position: float,
     frame: Projection,
     large: bool = False,
-    track: Colour = OWN_TRACK,
-    ways: Sequence[Colour] = (),
+    track: style.Colour = OWN_TRACK,
+    ways: Sequence[style.Colour] = (),
     ahead: float = VECTOR_TIME,
     sea: Scale | None = None,
     labels: bool = True,
@@ -160,9 +148,9 @@ def paint_scene(
     thin = max(1.5, frame.side / 450)
     picture.blit(_draw_water(frame), (0, 0))
     at, radius = frame.point(*goal), world.goal_distance * frame.scale
-    pen.strip(picture, RULE, frame.point(*start), at, thin)
+    pen.strip(picture, style.RULE, frame.point(*start), at, thin)
     pen.circle(picture, GOAL_AREA, at, radius)
-    pen.circle(picture, GOAL_MARK, at, radius, 2)
+    pen.circle(picture, style.GOAL_MARK, at, radius, 2)
     # A dot for each past step, and a larger one every ten.
     for places, colour in ((telemetry.ships, SHIP_TRACK), (telemetry.states[:, None, [X, Y]], track)):
         for past, row in enumerate(frame.points(places[: math.ceil(position)]).tolist()):
@@ -172,7 +160,7 @@ def paint_scene(
     has_ended = telemetry.outcome is not None and position >= telemetry.steps
     is_near = np.linalg.norm(ships - own[:2], axis=-1).min(initial=math.inf) < world.safe_distance
     is_danger = is_near or (has_ended and telemetry.outcome == "collision")
-    colour, width = (DANGER, 3.0) if is_danger else (FAINT, max(1.0, frame.side / 600))
+    colour, width = (style.DANGER, 3.0) if is_danger else (style.FAINT, max(1.0, frame.side / 600))
     pen.circle(picture, colour, frame.point(*own[:2]), world.safe_distance * frame.scale, width)
     poses, lengths = ship_poses(telemetry, position, frame, large)
     speeds = [telemetry.states[step, SPEED], *telemetry.speeds[step]]
@@ -299,35 +287,35 @@ def _draw_label(picture: pygame.Surface, frame: Projection, words: str, box: pyg
     if words == NORTH:
         reach = north_reach(side)
         compass = Projection(0.0, 0.0, frame.up, round(3.5 * reach), reach)
-        pen.circle(picture, BACKGROUND, box.center, reach * 1.45)
-        pen.circle(picture, TEXT, box.center, reach * 1.45, 1)
+        pen.circle(picture, style.BACKGROUND, box.center, reach * 1.45)
+        pen.circle(picture, style.TEXT, box.center, reach * 1.45, 1)
         arrow = [compass.point(x, y) for x, y in ((0, 0.6), (0.5, -0.9), (0, -0.55), (-0.5, -0.9))]
-        pen.polygon(picture, TEXT, arrow)
-        pen.write(picture, words, compass.point(0, 0.98), TEXT, text_size(side, 17), True, across=0.5)
+        pen.polygon(picture, style.TEXT, arrow)
+        pen.write(picture, words, compass.point(0, 0.98), style.TEXT, text_size(side, 17), True, across=0.5)
     elif words.endswith((" UTC", " min")):
-        pygame.draw.rect(picture, BACKGROUND, box, border_top_left_radius=6)
-        pen.write(picture, words, box.center, TEXT, text_size(side, 16), across=0.5)
+        pygame.draw.rect(picture, style.BACKGROUND, box, border_top_left_radius=6)
+        pen.write(picture, words, box.center, style.TEXT, text_size(side, 16), across=0.5)
     elif words.endswith((" m", " NM")):
         size, left, down = text_size(side, 16), 0.022 * side, 0.978 * side - (side - box.bottom)
         length = box.width - 2 * left
-        pygame.draw.rect(picture, BACKGROUND, box, border_top_right_radius=6)
-        pygame.draw.rect(picture, TEXT, (left, down - 3, length, 3))
+        pygame.draw.rect(picture, style.BACKGROUND, box, border_top_right_radius=6)
+        pygame.draw.rect(picture, style.TEXT, (left, down - 3, length, 3))
         for end in (left, left + length - 2):
-            pygame.draw.rect(picture, TEXT, (end, down - 8, 2, 8))
-        pen.write(picture, words, (left, down - 6 - size * 0.75), TEXT, size)
+            pygame.draw.rect(picture, style.TEXT, (end, down - 8, 2, 8))
+        pen.write(picture, words, (left, down - 6 - size * 0.75), style.TEXT, size)
     elif words.isdecimal():
         # A line leads to a ship whose usual place was taken.
         if math.dist(at, box.center) > 2.5 * box.width:
-            pygame.draw.aaline(picture, FAINT, at, box.center)
-        pen.circle(picture, BACKGROUND, box.center, box.width / 2)
+            pygame.draw.aaline(picture, style.FAINT, at, box.center)
+        pen.circle(picture, style.BACKGROUND, box.center, box.width / 2)
         pen.write(picture, words, box.center, scene.TARGET, text_size(side, 20), True, across=0.5)
     elif words.isupper():
-        size, colour = text_size(side, 30), OUTCOMES[words.lower()]
-        pygame.draw.rect(picture, BACKGROUND, box, border_radius=round(size / 2))
+        size, colour = text_size(side, 30), style.OUTCOMES[words.lower()]
+        pygame.draw.rect(picture, style.BACKGROUND, box, border_radius=round(size / 2))
         pygame.draw.rect(picture, colour, box, 2, border_radius=round(size / 2))
         pen.write(picture, words, box.center, colour, size, True, across=0.5)
     else:
-        pen.write(picture, words, box.center, GOAL_MARK, text_size(side, 18), across=0.5)
+        pen.write(picture, words, box.center, style.GOAL_MARK, text_size(side, 18), across=0.5)
 
 
 def draw_legend(
@@ -343,11 +331,11 @@ def draw_legend(
     items = [
         (scene.OWN, "own ship"),
         (scene.TARGET, "target ship"),
-        (GOAL_MARK, f"goal, {world.goal_distance:g} m"),
-        (FAINT, f"ring: safe distance {world.safe_distance:g} m"),
-        (DANGER, "entered"),
+        (style.GOAL_MARK, f"goal, {world.goal_distance:g} m"),
+        (style.FAINT, f"ring: safe distance {world.safe_distance:g} m"),
+        (style.DANGER, "entered"),
         (scene.TARGET, f"line: {VECTOR_TIME:g} s ahead"),
         (scene.OWN, f"dots: {world.dt:g} s apart"),
-        (CHOSEN, hulls),
+        (style.CHOSEN, hulls),
     ]
     pen.flow(surface, items, room, size)

@@ -14,7 +14,6 @@ from ship_trl.config.types import World
 from ship_trl.files.curve import GREEDY, TRAINING, Row
 from ship_trl.files.record import RunRecord
 from ship_trl.sim.cases import load_case
-from ship_trl.view import charts
 from ship_trl.view.charts import draw_comparison, draw_curve, draw_trajectories, draw_transfer
 from ship_trl.view.style import ARMS, BLACK, CHART_SERIES, arm_styles, look_of, pair_colours
 from tests.a_result import a_result
@@ -120,7 +119,7 @@ def test_an_axis_that_is_cut_says_where(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, highest: float, words: str
 ) -> None:
     drawn: list[Figure] = []
-    monkeypatch.setattr(charts, "save_figure", lambda figure, _: drawn.append(figure))
+    monkeypatch.setattr("ship_trl.view.style.save_figure", lambda figure, _: drawn.append(figure))
     run = made(np.zeros(9), np.linspace(-300, highest, 7))
     better = made(np.zeros(9), np.linspace(-300, 60, 7))
     draw_comparison(tmp_path / "curves.png", {"case 4": {"FT3": [run], "FTW": [better]}})
@@ -145,7 +144,7 @@ def test_numbers_of_ships_on_one_path_do_not_overlap(
     case = load_case("4", world)
     crowded = replace(case, target_ships=[case.target_ships[0]] * 3)
     drawn: list[Figure] = []
-    monkeypatch.setattr("ship_trl.view.charts.save_figure", lambda figure, _: drawn.append(figure))
+    monkeypatch.setattr("ship_trl.view.style.save_figure", lambda figure, _: drawn.append(figure))
     episodes = {f"group {k}": [run_actions(crowded, world, (3, 4))] for k in range(6)}
     draw_trajectories(tmp_path / "paths.png", crowded, world, episodes)
     (figure,) = drawn

@@ -120,7 +120,7 @@ def main(arguments: Sequence[str]) -> None:
                     measure("vector", folder, 0)
             rounds = [
                 {name: measure(part, folder, seed) for name, folder in builds.items()}
-                for seed in range(options.rounds)
+                for seed in range(1, options.rounds + 1)
             ]
             print_ratios(PARTS[part], rounds, options.markdown)
 

@@ -60,7 +60,7 @@ PPO_STEPS = 290 * 64 * 512
 # All ships at once: layers that see one ship at a time are ours.
 LAYERS = [256, 256, 256]
 RUN = ("target=traffic_near", "profile=traffic", "method=scratch", "observation=vector")
-# A quarter of the profile's scenes, and half as many updates for each, of twice the transitions: 97 % soonest.
+# A quarter of the scenes, and half as many updates for each, of twice the transitions: 97 % soonest.
 # Chosen on seeds 100 and 101.
 SHORT = (
     "learn.episodes=48000",

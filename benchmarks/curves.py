@@ -53,10 +53,8 @@ TEST_SUITE, MINUTES, EVERY = "traffic_test", 10.0, 0.5
 # Shares of test scenes solved that the table has the minutes of.
 GOALS = (0.90, 0.95)
 TABLE, PICTURE = Path("outputs/curves.csv"), Path("outputs/curves.png")
-# About as many as ours takes; DQN's exploration falls over them, as ours does.
-STEPS = 3300 * 512
-# Nothing of PPO depends on the end; more than ten minutes, in whole rollouts of 64 steps of 512 ships.
-PPO_STEPS = 290 * 64 * 512
+# More than they take in ten minutes; whole rollouts of PPO, of 64 steps of 512 ships.
+STEPS = 290 * 64 * 512
 # All ships at once: layers that see one ship at a time are ours.
 LAYERS = [256, 256, 256]
 RUN = ("target=traffic_near", "profile=traffic", "method=scratch", "observation=vector")
@@ -212,12 +210,12 @@ class ShipVecEnv(VecEnv):
 class Recorder(BaseCallback):
     """Calls `record` after every step, and ends the training when it says so."""
 
-    def __init__(self, record: Record, policy: Policy, steps: int) -> None:
+    def __init__(self, record: Record, policy: Policy) -> None:
         super().__init__()
-        self._record, self._policy, self._steps = record, policy, steps
+        self._record, self._policy = record, policy
 
     def _on_step(self) -> bool:
-        return self._record(self._policy, self.num_timesteps, self.num_timesteps >= self._steps)
+        return self._record(self._policy, self.num_timesteps, self.num_timesteps >= STEPS)
 
 
 def greedy_policy(model: BaseAlgorithm) -> Policy:
@@ -232,46 +230,40 @@ def greedy_policy(model: BaseAlgorithm) -> Policy:
 
 
 def train_dqn(seed: int, record: Record) -> None:
-    """Train DQN with the settings of our run; the library's user would choose the others so."""
-    learn = plan(*RUN, SHORT).config.learn
-    # After a step of all ships: as many updates as ours makes, and the target network follows by as much.
-    updates = learn.num_envs // learn.update_every
+    """Train DQN with the settings that were ours before its batches had 512 transitions."""
+    learn = plan(*RUN).config.learn
     settings: dict[str, Any] = {
-        "learning_rate": learn.lr,
+        "learning_rate": 5e-4,
         "buffer_size": learn.replay_size,
         "learning_starts": learn.warmup_steps,
-        "batch_size": learn.batch_size,
+        "batch_size": 128,
         "n_steps": 3,
+        # After a step of all ships four updates; the target network follows as it would after each.
         "train_freq": 1,
-        "gradient_steps": updates,
+        "gradient_steps": 4,
         "target_update_interval": learn.num_envs,
-        "tau": updates * learn.tau,
-        "exploration_fraction": learn.epsilon_fraction,
+        "tau": 4 * 0.01,
+        "exploration_fraction": 0.33,
         "exploration_final_eps": learn.epsilon_end,
     }
-    train_peer(DQN, settings, learn, STEPS, seed, record)
+    train_peer(DQN, settings, learn, seed, record)
 
 
 def train_ppo(seed: int, record: Record) -> None:
     """Train PPO with settings that the library's users would choose."""
     settings = {"learning_rate": 3e-4, "n_steps": 64, "batch_size": 512, "n_epochs": 10, "ent_coef": 0.01}
-    train_peer(PPO, settings, plan(*RUN).config.learn, PPO_STEPS, seed, record)
+    train_peer(PPO, settings, plan(*RUN).config.learn, seed, record)
 
 
 def train_peer(
-    kind: Callable[..., BaseAlgorithm],
-    settings: dict[str, Any],
-    learn: Learn,
-    steps: int,
-    seed: int,
-    record: Record,
+    kind: Callable[..., BaseAlgorithm], settings: dict[str, Any], learn: Learn, seed: int, record: Record
 ) -> None:
-    """Train a model on suite `traffic_near` for so many steps, or until `record` returns False."""
+    """Train a model on suite `traffic_near` for `STEPS` steps, or until `record` returns False."""
     made: dict[str, Any] = {"reward_scale": learn.reward_scale, "observation": "vector"}
     envs = ShipVecEnv(ShipCollisionVectorEnv(learn.num_envs, "traffic_near", **made))
     common: dict[str, Any] = {"gamma": learn.gamma, "policy_kwargs": {"net_arch": LAYERS}, "device": "cpu"}
     model = kind("MlpPolicy", envs, seed=seed, **common, **settings)
-    model.learn(steps, Recorder(record, greedy_policy(model), steps))
+    model.learn(STEPS, Recorder(record, greedy_policy(model)))
 
 
 LEARNERS = {"ours": train_ours, "SB3 DQN": train_dqn, "SB3 PPO": train_ppo}

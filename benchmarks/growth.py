@@ -137,7 +137,7 @@ def learner(ships: int, *words: str) -> Ours:
 
 
 def grow_ships(rounds: int) -> list[Line]:
-    """Measure steps of 64 environments, and updates of 128 transitions, for numbers of ships."""
+    """Measure steps of 64 environments, and updates of 512 transitions, for numbers of ships."""
     learners = [learner(ships) for ships in SHIPS]
     for ours in learners:
         ours.fill(4096)
@@ -145,7 +145,7 @@ def grow_ships(rounds: int) -> list[Line]:
     steps = [stepper(scenes(ships, 64)) for ships in SHIPS]
     return [
         Line("ships", "step of 64 environments", SHIPS, fastest(steps, rounds)),
-        Line("ships", "update from numbers, batch of 128", SHIPS, fastest(updates, rounds)),
+        Line("ships", "update from numbers, batch of 512", SHIPS, fastest(updates, rounds)),
     ]
 
 
@@ -165,7 +165,7 @@ def grow_environments(rounds: int) -> list[Line]:
 
 
 def grow_replay(rounds: int) -> list[Line]:
-    """Measure draws of 128 transitions, and bytes, for sizes of a full replay."""
+    """Measure draws of 512 transitions, and bytes, for sizes of a full replay."""
     learners = [learner(6, f"learn.replay_size={size}", "learn.num_envs=1000") for size in REPLAY]
     for ours, size in zip(learners, REPLAY, strict=True):
         ours.fill(size)
@@ -173,7 +173,7 @@ def grow_replay(rounds: int) -> list[Line]:
     sizes = [float(held_bytes(ours.replay)) for ours in learners]
     draws = fastest([ours.sample for ours in learners], rounds)
     return [
-        Line("replay", "draw of 128 transitions", REPLAY, draws),
+        Line("replay", "draw of 512 transitions", REPLAY, draws),
         Line("replay", "memory, six ships", REPLAY, sizes, "byte"),
     ]
 

@@ -27,7 +27,7 @@ PARTS = {
     "no_collision": ("target=traffic", "margin.collision=0"),
     "rules": ("target=traffic", "margin.rules=100"),
     "mask": ("target=traffic", "mask=rules"),
-    "few_scenes": ("target=traffic", "learn.num_envs=64", "learn.update_every=16", "learn.episodes=8000"),
+    "few_scenes": ("target=traffic", "learn.num_envs=64", "learn.update_every=64", "learn.episodes=8000"),
     "no_average": ("target=traffic", "learn.average=0"),
 }
 # A policy's mask at evaluation.

@@ -30,7 +30,7 @@ PARTS = {
     "import": "Seconds to import the environment",
     "loop": "Steps a second of the paper's training loop from pixels: case 4, batches of 32",
     "vector": "Seconds for 1,000 updates from numbers and their 16,000 steps, batches of 128",
-    "numbers": "Minutes of training from numbers until shares of traffic_test are solved",
+    "numbers": "Minutes from numbers until shares of traffic_test are solved, each as in its `curves`",
 }
 # Each prints numbers by name as JSON in its last line. Both builds have all that it uses.
 SCRIPTS = {
@@ -168,9 +168,10 @@ def print_ratios(title: str, rounds: list[dict[str, dict[str, float]]], markdown
         reached = [one for one in rounds if all(math.isfinite(one[build][name]) for build in (first, second))]
         values = [[one[build][name] for one in reached] for build in (first, second)]
         if not reached:
-            rows.append([name, "not reached by both", "", ""])
+            rows.append([name, "in no round by both", "", ""])
             continue
+        counted = "" if len(reached) == len(rounds) else f", {len(reached)} of {len(rounds)} rounds"
         told = [f"{statistics.median(v):.3g} ({min(v):.3g} to {max(v):.3g})" for v in values]
         ratio = statistics.median(new / old for old, new in zip(*values, strict=True))
-        rows.append([name, *told, f"{ratio:.2f}"])
+        rows.append([name + counted, *told, f"{ratio:.2f}"])
     show((title, first, second, "ratio"), rows, markdown)

@@ -1,7 +1,7 @@
 """`python -m studies.worth`: what each part of a network that avoids ships and keeps the rules is worth.
 
-Each row differs from the first in one thing. All learn from numbers, one seed and 25,000 updates: about
-four minutes on one core. Missing runs are made, one after the other.
+Each row differs from the first in one thing. All learn from numbers, one seed and 5,000 updates: about
+three minutes on one core. Missing runs are made, one after the other.
 
 Writes:
     FOLDER/PART/             the runs

@@ -237,10 +237,14 @@ class Incremental:
     name = "incremental"
 
     def __init__(self, background: Tensor, dtype: torch.dtype, geometry: Geometry) -> None:
-        self.dtype, self.geometry = dtype, geometry
+        self.background, self.dtype, self.geometry = background, dtype, geometry
         self._extract = WindowExtractor(background, dtype, geometry)
         self._cached: tuple[Tensor, tuple[int, ...], Rows] | None = None
         self._copies = CopyCache(dtype)
+
+    def __reduce__(self) -> tuple[type[Incremental], tuple[Tensor, torch.dtype, Geometry]]:
+        """Pickle it without its cache: another process makes its own."""
+        return Incremental, (self.background, self.dtype, self.geometry)
 
     def __deepcopy__(self, memo: dict[int, Any]) -> Incremental:
         """Return this backend itself: a copied network shares its backend."""
@@ -257,7 +261,7 @@ class Incremental:
         return self._compute_remaining(network, self._compute_frozen(network, pixels))
 
     def features_from(self, network: DuelingNetwork, frozen_features: Tensor) -> Tensor:
-        """Compute the conv layers after the frozen ones: [B, K] to float32 [B, F]."""
+        """Compute the conv layers after the frozen ones, which get no gradient: [B, K] to float32 [B, F]."""
         left = len(self.geometry) - network.frozen
         if left == 0:
             return frozen_features.float()

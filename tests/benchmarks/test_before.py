@@ -55,7 +55,7 @@ def test_rounds_that_miss_a_goal_have_no_ratio(capsys: pytest.CaptureFixture[str
     before.print_ratios("Minutes", rounds, markdown=True)
     before.print_ratios("Minutes", rounds[1:], markdown=True)
     told = [line for line in capsys.readouterr().out.splitlines() if line.startswith("| to")]
-    assert "0.50" in told[0] and "not reached by both" in told[1]
+    assert "0.50" in told[0] and "in no round by both" in told[1]
 
 
 @pytest.mark.parametrize(

@@ -1,5 +1,6 @@
 """The incremental backend computes the same function as stock convolutions."""
 
+import pickle
 from typing import Any
 
 import pytest
@@ -79,3 +80,10 @@ def test_speed_vectors_are_only_more_windows() -> None:
         torch.testing.assert_close(gradient[name], expected, rtol=1e-3, atol=1e-4)
     extract = WindowExtractor(draw.background, torch.float32, net.geometry)
     assert row_counts(extract(draw(states)))[0] > row_counts(extract(plain(states)))[0]
+
+
+def test_a_network_that_has_learned_goes_to_another_process() -> None:
+    net, (background, frames) = network("paper"), scene(4, 1, 2, 0)
+    q, _ = incremental(net, frames, background, torch.float32)
+    sent = pickle.dumps(net)
+    assert torch.equal(pickle.loads(sent)(frames), q) and frames[:2].numpy().tobytes() not in sent

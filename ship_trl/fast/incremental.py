@@ -131,7 +131,7 @@ class GatheredLayers(torch.autograd.Function):
 
     Takes rows [R, C], and for each layer: an index, int32 [T, K] or None; a matrix [O, K C] and a bias [O] in
     the precision of the rows; and at the end, in turn, the filters float32 [O, C, H, W], channels last, and
-    biases of which these are copies. Returns [T, O] of the last layer.
+    biases that these are copies of. Returns [T, O] of the last layer.
     """
 
     @staticmethod

@@ -168,7 +168,7 @@ class Margin:
     A step that passes a target ship inside `distance` (m) costs up to `penalty`: nothing at `distance`, all
     of it at the safe distance. Keeping the steering rules earns at most `rules` an episode
     (`sim.rules`). A collision costs `collision` more: it ends the episode, so it must cost more than all
-    that is then no longer paid for near passes and broken rules.
+    that is then no longer paid for near passes.
     """
 
     distance: bounds.Bound = 0.0

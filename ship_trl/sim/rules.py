@@ -12,7 +12,14 @@ from torch import Tensor
 
 from ship_trl.sim.encounter import Encounter, keeps_clear, relative_motion, stands_on
 from ship_trl.sim.geometry import closest_approach
-from ship_trl.sim.state import SHIP_ACTION, SHIP_CLASS, SHIP_COUNT, relative_positions, target_ships
+from ship_trl.sim.state import (
+    SHIP_ACTION,
+    SHIP_CLASS,
+    SHIP_COUNT,
+    is_present,
+    relative_positions,
+    target_ships,
+)
 
 # The source's collision radius (m).
 COLLISION = 35.0
@@ -65,7 +72,8 @@ def rule_payment(before: Tensor, after: Tensor, safe: float) -> Tensor:
     """Return what steps of N ships earn by the rules, [N]: at most 1 in an episode, the mean over ships.
 
     Where own ship keeps clear, its action counts as far as it is timely; at CPA it costs what safety and side
-    of passing lack. Where it stands on, its action costs, until the ship is in stage 4.
+    of passing lack. Where it stands on, its action costs, until the ship is in stage 4. In a collision all
+    safety lacks, whoever keeps clear.
 
     Args:
         before: states [N, S], with what `sim.encounter.Tracker` writes.
@@ -83,4 +91,6 @@ def rule_payment(before: Tensor, after: Tensor, safe: float) -> Tensor:
     lacks = 1 - safety_score(distance, then.bearing, then.aspect, safe)
     lacks = lacks + wrong_side(kind, then.bearing, then.aspect)
     paid = paid - PASS * lacks * (keeps_clear(kind) & is_ahead & (then.tcpa <= 0))
-    return paid.sum(-1) / before[..., SHIP_COUNT].clamp(min=1)
+    # A collision lacks all: it ends the episode, so it would save what this pass and later ones lack.
+    collides = ((distance < safe) & is_present(before)).any(-1)
+    return paid.sum(-1) / before[..., SHIP_COUNT].clamp(min=1) - PASS * collides

@@ -96,6 +96,12 @@ def test_keeping_clear_early_and_to_starboard_earns_most() -> None:
     assert sides[0] == pytest.approx(sides[1], abs=1e-3)
 
 
+def test_a_collision_costs_more_than_any_pass() -> None:
+    states = run(HEAD_ON, [STRAIGHT] * 40)
+    paid = payments(states)
+    assert paid[-1] <= -2 and not paid[:-1].any()
+
+
 def test_without_ships_nothing_is_paid() -> None:
     states = torch.zeros(3, 9)
     assert rule_payment(states, states, 45.0).tolist() == [0, 0, 0]

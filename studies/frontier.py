@@ -1,7 +1,7 @@
 """`python -m studies.frontier`: what keeping the steering rules costs in success, at six weights.
 
-Each network learns from numbers by `algorithm=aggrevate` with its `margin.rules`, one seed and 3,000
-episodes: two to three minutes on one core. Missing runs are made, one after the other.
+Each network learns from numbers as `pretrained:traffic_rules` does, with its own `margin.rules` and one seed:
+five minutes on one core. Missing runs are made, one after the other.
 
 Writes:
     FOLDER/WEIGHT/           the runs
@@ -21,13 +21,10 @@ import numpy as np
 from ship_trl.cli.parser import make_parser
 from ship_trl.config.errors import override
 from ship_trl.files.disk import atomic_write
+from ship_trl.run.pretrain import NUMBERS
 
-WEIGHTS = (0, 25, 50, 100, 200, 400)
-WORDS = (
-    *("target=traffic", "method=scratch", "observation=vector", "algorithm=aggrevate"),
-    # Here a dear collision gained nothing.
-    *("learn.episodes=3000", "margin.collision=0"),
-)
+WEIGHTS = (0, 100, 200, 300, 600, 1200)
+WORDS = "target=traffic", "method=scratch", *NUMBERS
 SUITES = ("traffic_test", "traffic_dense", "traffic_reacting")
 RULES = (8, 13, 14, 15, 16)
 

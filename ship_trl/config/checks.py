@@ -47,8 +47,7 @@ class Reads:
         ignored: keys of others that it does not read.
         is_default: whether files and digests leave it out.
         is_on_policy: whether it learns from its own actions alone, without replay and Q-values.
-        is_distilled: whether it learns the Q-values of a teacher or an expert.
-        has_expert: whether that teacher is an expert that plans in the simulator.
+        is_distilled: whether it learns the Q-values of a teacher.
         batch_key: its own key of a batch's size, in place of `learn.batch_size`.
         unnamed_without: its own keys that files and digests leave out where the key before them is 0.
     """
@@ -58,7 +57,6 @@ class Reads:
     is_default: bool = False
     is_on_policy: bool = False
     is_distilled: bool = False
-    has_expert: bool = False
     batch_key: str = ""
     unnamed_without: Mapping[str, tuple[str, ...]] = field(default_factory=dict)
 
@@ -252,6 +250,3 @@ def check_algorithm(config: Config) -> None:
     if reads.is_distilled:
         allowed = "another with an algorithm that learns the Q-values of a teacher"
         require(method != "q_reuse", "method", allowed, method)
-    if reads.has_expert:
-        allowed = "left out with an algorithm that has an expert"
-        require(config.demonstrations is None, "demonstrations", allowed, config.demonstrations)

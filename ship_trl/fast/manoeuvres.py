@@ -21,21 +21,15 @@ FOREVER = 1 << 30
 
 
 @compiled()
-def steer_by(off: float, actions: Array, dt: float) -> int:
-    """Return the action whose turn comes nearest to an angle (rad) off the bow."""
+def steer(row: Array, actions: Array, dt: float) -> int:
+    """Return the action whose turn brings the bow nearest to the goal in a state [S]."""
+    off = math.atan2(row[col.GOAL_Y] - row[col.Y], row[col.GOAL_X] - row[col.X]) - row[col.HEADING]
+    off -= 2 * math.pi * math.floor((off + math.pi) / (2 * math.pi))
     best = 0
     for k in range(actions.shape[0]):
         if abs(off - actions[k, 1] * dt) < abs(off - actions[best, 1] * dt):
             best = k
     return best
-
-
-@compiled()
-def steer(row: Array, actions: Array, dt: float) -> int:
-    """Return the action whose turn brings the bow nearest to the goal in a state [S]."""
-    off = math.atan2(row[col.GOAL_Y] - row[col.Y], row[col.GOAL_X] - row[col.X]) - row[col.HEADING]
-    off -= 2 * math.pi * math.floor((off + math.pi) / (2 * math.pi))
-    return steer_by(off, actions, dt)
 
 
 @compiled()

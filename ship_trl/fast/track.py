@@ -19,7 +19,7 @@ Array = np.ndarray[Any, Any]
 # Place (m) and velocity (m/s) of a ship relative to own ship, and the numbers of `sim.encounter.Limits`.
 Motion = tuple[float, float, float, float]
 Limits = tuple[float, float, float, float]
-NONE, HEAD_ON, GIVE_WAY, STAND_ON, OVERTAKING, OVERTAKEN = map(int, Encounter)
+NONE, HEAD_ON, GIVE_WAY, STAND_ON, _, OVERTAKEN = map(int, Encounter)
 TURN_LOW, TURN_WIDTH = TURN[0], TURN[1] - TURN[0]
 SPEED_LOW, SPEED_WIDTH = SPEED_CHANGE[0], SPEED_CHANGE[1] - SPEED_CHANGE[0]
 
@@ -55,12 +55,6 @@ def begins_as(away: Motion, time: float, heading: float, course: float, speed: f
 
 
 @compiled()
-def is_to_stand_on(kind: int) -> bool:
-    """Return whether a class of encounter asks own ship to keep course and speed."""
-    return kind in (STAND_ON, OVERTAKEN)
-
-
-@compiled()
 def action_of(kind: int, turned: float, slowed: float) -> float:
     """Return `sim.encounter.action_size` of a turn to starboard (rad) and a change of speed."""
     turned -= 2 * math.pi * math.floor((turned + math.pi) / (2 * math.pi))
@@ -68,7 +62,7 @@ def action_of(kind: int, turned: float, slowed: float) -> float:
         turned = abs(turned)
     turn = share(math.degrees(turned), TURN_LOW, TURN_WIDTH)
     slow = share(slowed, SPEED_LOW, SPEED_WIDTH)
-    return max(turn, slow) if is_to_stand_on(kind) else (turn + slow) / 2
+    return max(turn, slow) if kind in (STAND_ON, OVERTAKEN) else (turn + slow) / 2
 
 
 @compiled()

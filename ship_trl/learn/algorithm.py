@@ -59,7 +59,7 @@ class Setup:
         replay: random generator of the batches, on the device.
         method: what a transfer asks of learning.
         options: the settings below `algorithm`.
-        teacher: the network that `algorithm.teacher` names, or an expert; None without one.
+        teacher: the network that `algorithm.teacher` names; None without one.
         mirror: maps states to those with port and starboard exchanged; None in a world without.
         accelerator: what makes learning faster.
         mask: says which actions may be taken, in training and by the greedy policy; None for all.

@@ -75,21 +75,6 @@ class Pupil:
     huber_weight: Annotated[float, Field(ge=0, le=1000)]
 
 
-@dataclass
-class Aggrevate:
-    """Imitation of held manoeuvres by their values (learn/aggrevate.py).
-
-    `own_fraction` is the share of the episodes after which the network chooses all actions. `worst` bounds
-    how much less than the best action another one counts, in points of return. The temperature is in scaled
-    rewards.
-    """
-
-    own_fraction: PositiveShare
-    temperature: Annotated[float, Field(gt=0)]
-    huber_weight: Annotated[float, Field(ge=0, le=1000)]
-    worst: Annotated[float, Field(gt=0)]
-
-
 READS = {
     "double_dqn": Reads(DoubleDQN, is_default=True),
     "n_step": Reads(NStep),
@@ -105,12 +90,6 @@ READS = {
         ),
         # Files of runs without imitation do not name its keys.
         unnamed_without={"imitation_coeff": ("imitation_coeff", "imitation_start")},
-    ),
-    "aggrevate": Reads(
-        Aggrevate,
-        is_distilled=True,
-        has_expert=True,
-        ignored=("learn.loss", "learn.gamma"),
     ),
     "pupil": Reads(
         Pupil,

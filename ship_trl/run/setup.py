@@ -13,7 +13,6 @@ import torch
 from torch import Generator
 
 from ship_trl.config.arm import SourceWeights, forms
-from ship_trl.config.checks import reads_of
 from ship_trl.config.errors import ConfigError
 from ship_trl.config.types import Config, Learn, Precision
 from ship_trl.fast.worlds import accelerator, make_env, make_starts
@@ -123,8 +122,6 @@ def make_parts(run: Run, device: torch.device, source: Source | None) -> Parts:
     if teacher is not None:
         values = read_teacher(teacher, eval_env, config)
         is_symmetric = is_symmetric and not read_look(teacher.path, TEACHER).network.encounters
-    elif reads_of(config.algorithm).has_expert:
-        values = make_expert(config)
     setup = Setup(
         network=network,
         draw=draw,
@@ -325,15 +322,6 @@ def make_source_check(
     env = make_run_env(run, suite, device, starts=starts)
     check = SourceCheck(env, env.observer(config.network), config.learn, mask)
     return replace(check, source_return=check.measure(network.to(device)))
-
-
-def make_expert(config: Config) -> Teacher:
-    """Return the values of held manoeuvres in the run's scaled rewards, of states."""
-    # Imported here: numba takes half a second.
-    from ship_trl.fast.plans import PlanValues
-
-    values = PlanValues(config.world, config.margin, scale=config.learn.reward_scale)
-    return lambda state: values(state.cpu()).to(state.device)
 
 
 def read_teacher(teacher: TeacherFile, env: ShipEnv, config: Config) -> Teacher:

@@ -59,7 +59,6 @@ WRONG_VALUES = {
     "+algorithm.steps=3": "algorithm.steps: unknown key; allowed here: none",
     "algorithm=n_step +algorithm.epochs=3": "algorithm.epochs: unknown key; allowed here: steps",
     "algorithm=ppo demonstrations=played": "demonstrations: must be left out with an algorithm",
-    "algorithm=aggrevate demonstrations=played": "demonstrations: must be left out with an algorithm",
     "margin.rules=-1": "margin.rules: ",
     "mask=shield": "mask: must be null, rules, module:function or file.py:function, of a module or file that",
     "mask='none.py:make'": "mask: must be null, rules, module:function or file.py:function, of a module or",

@@ -7,14 +7,13 @@ import torch
 from tensordict import TensorDict, TensorDictBase
 from torch import Generator, Tensor
 
-from ship_trl.learn import aggrevate, double_dqn, n_step, ppo, pupil
+from ship_trl.learn import double_dqn, n_step, ppo, pupil
 from ship_trl.learn.algorithm import Algorithm
 from ship_trl.learn.double_dqn import DoubleDQN
 from ship_trl.learn.masks import ACTION_MASK
 from ship_trl.learn.network import DuelingNetwork
 from ship_trl.learn.rollout import EpsilonGreedy, greedy_policy, jumpstart, rollout
 from ship_trl.learn.train import Training
-from tests.learn.test_aggrevate import OPTIONS as EXPERT
 from tests.learn.test_ppo import OPTIONS as ROLLOUTS
 from tests.learn.test_pupil import OPTIONS as TAUGHT
 from tests.learn.test_pupil import teacher
@@ -31,7 +30,6 @@ BUILT = {
     "n_step": (n_step.build, {"steps": 3}),
     "ppo": (ppo.build, ROLLOUTS | {"rollout_steps": 6, "minibatch_size": 6, "imitation_coeff": 1.0}),
     "pupil": (pupil.build, TAUGHT),
-    "aggrevate": (aggrevate.build, EXPERT),
 }
 
 

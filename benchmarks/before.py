@@ -31,13 +31,28 @@ PARTS = {
     "loop": "Steps a second of the paper's training loop from pixels: case 4, batches of 32",
     "vector": "Seconds for 1,000 updates from numbers and their 16,000 steps, batches of 128",
     "numbers": "Minutes from numbers until shares of traffic_test are solved, each as in its `curves`",
-    "pixels": "The same of a pupil of pretrained:traffic, without its teacher's minutes",
+    "pixels": "Minutes of a pupil, without its teacher's, until shares of traffic_test are solved",
 }
-# A learner's minutes to shares of traffic_test: what comes before its training, and after it.
-MINUTES = """
-from torch import Generator
+# What both builds call otherwise: a run of random encounters, its words, and training without evaluations.
+PLAN = """
 from benchmarks import curves
+from benchmarks.ours import Ours
 from ship_trl.run.process import configure_process
+configure_process()
+try:
+    from benchmarks.ours import plan
+except ImportError:
+    from benchmarks.work import plan
+run = getattr(curves, "RUN", ("target=traffic", "profile=traffic", "method=scratch", "observation=vector"))
+def begin(*words):
+    ours = Ours(plan(*words, "learn.evaluate_every=1000000", "learn.evaluate_episodes=1"))
+    if hasattr(ours.training, "begin"):
+        ours.training.begin()
+    return ours
+"""
+# A learner's minutes to shares of traffic_test: what comes before its training, and after it.
+MINUTES = f"""{PLAN}
+from torch import Generator
 from ship_trl.sim.cases import load_world
 try:
     from ship_trl.fast.worlds import make_env, make_starts
@@ -46,7 +61,6 @@ except ImportError:
     from ship_trl.sim.env import ShipEnv as make_env
     from ship_trl.sim.starts import make_starts
     from ship_trl.sim.suites import load_suite
-configure_process()
 curves.EVERY = 0.1
 suite = load_suite("traffic_test", load_world())
 starts = make_starts(suite, load_world()).balanced(len(suite.cases), Generator())
@@ -80,20 +94,10 @@ for arm in "scratch", "FE1", "FE2", "FE3", "FE4":
     found[arm] = 1000 / (time.perf_counter() - began)
 print(json.dumps(found))
 """,
-    "vector": """
-from benchmarks import curves
-from benchmarks.ours import Ours
-from ship_trl.run.process import configure_process
-configure_process()
-try:
-    from benchmarks.ours import plan
-except ImportError:
-    from benchmarks.work import plan
-run = getattr(curves, "RUN", ("target=traffic", "profile=traffic", "method=scratch", "observation=vector"))
+    "vector": PLAN
+    + """
 same = "learn.num_envs=64", "learn.update_every=16", "learn.batch_size=128", "learn.replay_size=200000"
-ours = Ours(plan(*run, *same, "learn.evaluate_every=1000000", "learn.evaluate_episodes=1"))
-if hasattr(ours.training, "begin"):
-    ours.training.begin()
+ours = begin(*run, *same)
 ours.train(20_000)
 done, began = ours.algorithm.updates, time.perf_counter()
 ours.train(20_000)
@@ -102,20 +106,10 @@ print(json.dumps({"seconds": (time.perf_counter() - began) / (ours.algorithm.upd
     "numbers": MINUTES + "curves.train_ours(SEED, record)" + REACHED,
     "pixels": MINUTES
     + """
-from benchmarks.ours import Ours
-try:
-    from benchmarks.ours import plan
-except ImportError:
-    from benchmarks.work import plan
-run = "target=traffic", "profile=traffic", "method=scratch"
-taught = "algorithm=pupil", "algorithm.teacher=pretrained:traffic"
-unevaluated = "learn.evaluate_every=1000000", "learn.evaluate_episodes=1"
-ours = Ours(plan(*run, *taught, f"seed={SEED}", *unevaluated))
-training, policy = ours.training, ours.algorithm.greedy
-if hasattr(training, "begin"):
-    training.begin()
-while record(policy, training.steps, training.is_finished):
-    for _ in training.advance():
+curves.EVERY = 0.5
+ours = begin(*run[:3], "algorithm=pupil", "algorithm.teacher=pretrained:traffic", f"seed={SEED}")
+while record(ours.algorithm.greedy, ours.training.steps, ours.training.is_finished):
+    for _ in ours.training.advance():
         pass
 """
     + REACHED,
@@ -139,9 +133,10 @@ def main(arguments: Sequence[str]) -> None:
     with worktree(options.commit) as before:
         builds = {options.commit: before, "this build": ROOT}
         for part in options.parts or PARTS:
-            if part in ("numbers", "pixels"):  # compiles the loops, so that this is not counted as training
+            # Compiles the loops, so that this is not counted as training.
+            if warm := {"numbers": "vector", "pixels": "loop"}.get(part):
                 for folder in builds.values():
-                    measure("vector", folder, 0)
+                    measure(warm, folder, 0)
             rounds = [
                 {name: measure(part, folder, seed) for name, folder in builds.items()}
                 for seed in range(1, options.rounds + 1)

@@ -167,8 +167,8 @@ class Margin:
 
     A step that passes a target ship inside `distance` (m) costs up to `penalty`: nothing at `distance`, all
     of it at the safe distance. Keeping the steering rules earns at most `rules` an episode
-    (`sim.rules`). A collision costs `collision` more: it ends the episode, so it must cost more than all
-    that is then no longer paid for near passes.
+    (`sim.rules`). A collision costs `collision`, and twice `rules`, more: it ends the episode, so it must
+    cost more than all that is then no longer paid for near passes and broken rules.
     """
 
     distance: bounds.Bound = 0.0

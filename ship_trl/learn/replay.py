@@ -209,19 +209,16 @@ class StateReplay(TensorDictReplayBuffer):
         return super().__len__()
 
     def extend(self, tensordicts: TensorDictBase, **_: object) -> None:
-        """Store a step of N environments: tensordict [N] with the observation, `action` and `next`."""
-        self._pending.append(self.entries(tensordicts))
-        if len(self._pending) == MAX_PENDING:
-            self._store()
+        """Store a step of N environments: tensordict [N] with the observation, `action` and `next`.
 
-    def entries(self, step: TensorDictBase) -> dict[NestedKey, Tensor]:
-        """Return what is stored of a step: copies, because the caller may reuse its memory."""
-        following = step.get("next")
+        Copies are kept, because the caller may reuse its memory.
+        """
+        step, following = tensordicts, tensordicts.get("next")
         count = step.batch_size[0]
         strides = {STRIDE: torch.full((count,), count, device=step.device)} if self._n > 1 else {}
         allowed = mask_of(following)
         masks: dict[NestedKey, Tensor] = {} if allowed is None else {("next", ACTION_MASK): allowed.clone()}
-        return (
+        self._pending.append(
             strides
             | masks
             | {key: step.get(key).clone() for key in self._computed.values()}
@@ -234,6 +231,8 @@ class StateReplay(TensorDictReplayBuffer):
                 ("next", "terminated"): following.get("terminated").clone(),
             }
         )
+        if len(self._pending) == MAX_PENDING:
+            self._store()
 
     def add(self, data: TensorDictBase) -> None:
         """Store one step of one environment."""

@@ -30,10 +30,11 @@ SEEDS, SCRATCH = range(100, 105), ("method=scratch",)
 # The networks of random encounters by name: seeds and words of their runs.
 NUMBERS = "observation=vector", "network.linear=[256,256,512,256]"
 SUITES = {
-    "traffic": (range(1), NUMBERS),
-    "traffic_rules": (range(1), (*NUMBERS, "margin.rules=300")),
-    # Its teacher is the network that was written before it.
-    "traffic_pixels": (range(1), ("algorithm=pupil", "algorithm.teacher=traffic")),
+    "traffic": (range(5), NUMBERS),
+    "traffic_rules": (range(5), (*NUMBERS, "margin.rules=300")),
+    "traffic_strict": (range(1), (*NUMBERS, "margin.rules=600")),
+    # Its teacher is `traffic`, written before it.
+    "traffic_pixels": (range(2), ("algorithm=pupil", "algorithm.teacher=traffic")),
 }
 TEACHER = "algorithm.teacher"
 # The suites that their success rates are of. Equal episodes on the first allow half precision.

@@ -116,12 +116,8 @@ def make_parts(run: Run, device: torch.device, source: Source | None) -> Parts:
             fixed = fixed_copy(network, source.weights)
             method.attach(make_origin(run, fixed, eval_env, mean_return(untrained), mask))
         method.copy(network, source.weights)
-    teacher, values = find_teacher(config), None
-    # The rules are not symmetric: a mirror image would have other encounters.
-    is_symmetric = not config.network.encounters
-    if teacher is not None:
-        values = read_teacher(teacher, eval_env, config)
-        is_symmetric = is_symmetric and not read_look(teacher.path, TEACHER).network.encounters
+    teacher = find_teacher(config)
+    looks = [config.network] + ([read_look(teacher.path, TEACHER).network] if teacher else [])
     setup = Setup(
         network=network,
         draw=draw,
@@ -131,8 +127,9 @@ def make_parts(run: Run, device: torch.device, source: Source | None) -> Parts:
         replay=streams["replay"],
         method=method,
         options=config.algorithm,
-        teacher=values,
-        mirror=mirrored_state if is_symmetric else None,
+        teacher=read_teacher(teacher, eval_env, config) if teacher else None,
+        # The rules are not symmetric: a mirror image would have other encounters.
+        mirror=None if any(look.encounters for look in looks) else mirrored_state,
         accelerator=accelerator(config.fast),
         mask=mask,
     )

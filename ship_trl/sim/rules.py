@@ -69,11 +69,12 @@ def wrong_side(kind: Tensor, bearing: Tensor, aspect: Tensor) -> Tensor:
 
 
 def rule_payment(before: Tensor, after: Tensor, safe: float) -> Tensor:
-    """Return what steps of N ships earn by the rules, [N]: at most 1 in an episode, the mean over ships.
+    """Return what steps of N ships earn by the rules, [N]: at most 1 in an episode.
+
+    It is the mean over target ships, and what a collision costs, as a pass without any safety does.
 
     Where own ship keeps clear, its action counts as far as it is timely; at CPA it costs what safety and side
-    of passing lack. Where it stands on, its action costs, until the ship is in stage 4. In a collision all
-    safety lacks, whoever keeps clear.
+    of passing lack. Where it stands on, its action costs, until the ship is in stage 4.
 
     Args:
         before: states [N, S], with what `sim.encounter.Tracker` writes.
@@ -91,6 +92,6 @@ def rule_payment(before: Tensor, after: Tensor, safe: float) -> Tensor:
     lacks = 1 - safety_score(distance, then.bearing, then.aspect, safe)
     lacks = lacks + wrong_side(kind, then.bearing, then.aspect)
     paid = paid - PASS * lacks * (keeps_clear(kind) & is_ahead & (then.tcpa <= 0))
-    # A collision lacks all: it ends the episode, so it would save what this pass and later ones lack.
+    # It ends the episode: else it would save what this pass and later ones lack.
     collides = ((distance < safe) & is_present(before)).any(-1)
     return paid.sum(-1) / before[..., SHIP_COUNT].clamp(min=1) - PASS * collides

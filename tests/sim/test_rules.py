@@ -15,12 +15,14 @@ from ship_trl.policies.metrics import measure_episodes
 from ship_trl.policies.named import load_policy
 from ship_trl.sim.cases import Case, TargetShip, load_suite, load_world, suite_of
 from ship_trl.sim.encounter import Encounter
-from ship_trl.sim.rules import rule_payment
+from ship_trl.sim.rules import PASS, rule_payment
 from ship_trl.sim.state import (
     SHIP_ACTION,
     SHIP_CLASS,
+    SHIP_COUNT,
     SHIP_ONSET,
     SHIP_ONSET_HEADING,
+    SHIP_SIZE,
     STEP,
     target_ships,
 )
@@ -96,10 +98,18 @@ def test_keeping_clear_early_and_to_starboard_earns_most() -> None:
     assert sides[0] == pytest.approx(sides[1], abs=1e-3)
 
 
-def test_a_collision_costs_more_than_any_pass() -> None:
-    states = run(HEAD_ON, [STRAIGHT] * 40)
+@pytest.mark.parametrize("ship", [HEAD_ON, FROM_PORT])
+def test_a_collision_costs_a_pass_without_safety_whoever_keeps_clear(ship: TargetShip) -> None:
+    states = run(ship, [STRAIGHT] * 40)
     paid = payments(states)
-    assert paid[-1] <= -2 and not paid[:-1].any()
+    assert paid[-1] == pytest.approx(-PASS) and not paid[:-1].any()
+    # It is no mean over ships, and empty places, which lie at the origin as own ship does at first, are none.
+    padded = torch.cat((states, torch.zeros(len(states), SHIP_SIZE)), -1)
+    assert torch.equal(payments(padded), paid)
+    far = padded.clone()
+    far[:, SHIP_COUNT] = 2
+    target_ships(far)[:, 1, :2] = 5000.0
+    assert payments(far)[-1] == pytest.approx(-PASS)
 
 
 def test_without_ships_nothing_is_paid() -> None:

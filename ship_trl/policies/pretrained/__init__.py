@@ -75,7 +75,7 @@ class SuiteNetwork(Pretrained):
     """A bundled network of random encounters: what it observes, and its success rates.
 
     `success_rates` are those of its greedy episodes on suites, `success_rates_by_seed` those of the best
-    evaluation of each run that it was chosen from.
+    evaluation of each seed's run.
     """
 
     observation: str

@@ -32,7 +32,6 @@ NUMBERS = "observation=vector", "network.linear=[256,256,512,256]"
 SUITES = {
     "traffic": (range(5), NUMBERS),
     "traffic_rules": (range(5), (*NUMBERS, "margin.rules=300")),
-    "traffic_strict": (range(1), (*NUMBERS, "margin.rules=600")),
     # Its teacher is `traffic`, written before it.
     "traffic_pixels": (range(2), ("algorithm=pupil", "algorithm.teacher=traffic")),
 }

@@ -92,6 +92,6 @@ def rule_payment(before: Tensor, after: Tensor, safe: float) -> Tensor:
     lacks = 1 - safety_score(distance, then.bearing, then.aspect, safe)
     lacks = lacks + wrong_side(kind, then.bearing, then.aspect)
     paid = paid - PASS * lacks * (keeps_clear(kind) & is_ahead & (then.tcpa <= 0))
-    # It ends the episode: else it would save what this pass and later ones lack.
+    # It ends the episode, and would save what passes lack. In a step with both, both count.
     collides = ((distance < safe) & is_present(before)).any(-1)
     return paid.sum(-1) / before[..., SHIP_COUNT].clamp(min=1) - PASS * collides

@@ -186,6 +186,7 @@ def print_table(found: list[Scored], options: Namespace) -> None:
     from ship_trl.run.console import show
     from ship_trl.transfer.casebase import PLANS
 
+    print_success(found, options.markdown)
     if options.rules and found:
         print_rules(found, options.markdown)
     rows = []
@@ -215,6 +216,19 @@ def print_table(found: list[Scored], options: Namespace) -> None:
     if is_scored and found:
         world, head_on = found[0].entry.world, found[0].head_on
         sys.stdout.write(f"{describe_scores(world.safe_distance, head_on, shown)}\n")
+
+
+def print_success(found: list[Scored], markdown: bool) -> None:
+    """Print the success of several policies in several suites, a column for each suite."""
+    from ship_trl.run.console import show
+
+    several = [one for one in found if len(one.episodes) > 1]
+    policies = list(dict.fromkeys(one.entry.label for one in several))
+    suites = list(dict.fromkeys(one.suite_name for one in several))
+    if min(len(policies), len(suites)) > 1:
+        reached = {(one.entry.label, one.suite_name): describe_share(one.measured, "goal") for one in several}
+        rows = [[policy, *(reached.get((policy, suite), "-") for suite in suites)] for policy in policies]
+        show(("policy", *suites), rows, markdown, "Success")
 
 
 def print_rules(found: list[Scored], markdown: bool) -> None:

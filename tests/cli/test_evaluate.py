@@ -59,6 +59,20 @@ def test_a_suite_is_its_cases_in_turn(capsys: pytest.CaptureFixture[str]) -> Non
     assert kept["success"] == "43% (16 to 75)" and (kept["episodes"], drawn["episodes"]) == ("7", "14")
 
 
+def test_success_by_policy_and_suite_stands_first(capsys: pytest.CaptureFixture[str]) -> None:
+    main(["keep_course", "vo", "target=paper,imazu,1", "--markdown"])
+    title, _, head, _, *rows = capsys.readouterr().out.splitlines()[:6]
+    assert (title, head) == ("Success", "| policy | paper | imazu |")
+    assert rows == [
+        "| keep_course | 43% (16 to 75) | 0% (0 to 15) |",
+        "| vo | 100% (65 to 100) | 100% (85 to 100) |",
+    ]
+    # One policy, or one suite, needs no second table.
+    for words in (["vo", "target=paper,imazu"], ["keep_course", "vo", "target=paper"]):
+        main(words)
+        assert "Success\n" not in capsys.readouterr().out
+
+
 def test_a_row_of_each_episode_and_a_sheet_of_their_paths(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
@@ -88,7 +102,9 @@ def test_the_table_of_the_rules_counts_the_ships_of_the_csv_file(tmp_path: Path)
     words = ("keep_course", "vo", "target=imazu,paper", "--rules", "--markdown", "--csv", "all.csv")
     lines = ship_trl(*words, verb="evaluate", folder=tmp_path).stdout.splitlines()
     table = [[cell.strip() for cell in line.split("|")[1:-1]] for line in lines if line.startswith("| ")]
-    # The scores come after it.
+    # Success comes before it, the scores after it.
+    assert table[0] == ["policy", "imazu", "paper"]
+    table = table[4:]
     end = next(k for k, row in enumerate(table) if "R8" in row)
     assert table[end][0] == "suite" and len(table[end:]) == 2 + 4
     rows = [dict(zip(table[0], row, strict=True)) for row in table[2:end]]

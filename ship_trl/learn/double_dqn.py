@@ -32,7 +32,7 @@ class DoubleDQN(Algorithm):
     of the online network, but few of the average. With `learn.average` evaluations use another average, which
     may be slower than what learning needs (Izmailov et al., 2018): then errors of single updates cancel.
 
-    An algorithm of one's own overrides `loss`, `learn_from` or `best_actions`.
+    An algorithm of one's own overrides `sample`, `loss`, `learn_from` or `best_actions`.
 
     Args:
         setup: its parts.
@@ -152,11 +152,15 @@ class DoubleDQN(Algorithm):
         learn, losses = self.learn, []
         due = max(0, self.steps - learn.warmup_steps) // learn.update_every
         while self.updates < due:
-            losses.append(self.learn_from(self.replay.sample(learn.batch_size)))
+            losses.append(self.learn_from(self.sample()))
             self.updates += 1
             if self.average is not None and self.updates % AVERAGE_EVERY == 0:
                 self._step_average(self.average)
         return losses
+
+    def sample(self) -> TensorDictBase:
+        """Draw a batch."""
+        return self.replay.sample(self.learn.batch_size)
 
     @torch.no_grad()
     def _step_average(self, average: DuelingNetwork) -> None:

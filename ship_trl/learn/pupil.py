@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import torch
 import torch.nn.functional as F
-from tensordict import TensorDictBase
+from tensordict import TensorDict, TensorDictBase
 from torch import Tensor
 
 from ship_trl.learn import settings as settings_of
@@ -18,6 +18,9 @@ from ship_trl.learn.double_dqn import DoubleDQN
 from ship_trl.learn.masks import mask_values
 from ship_trl.learn.network import Draw
 from ship_trl.learn.replay import StateReplay
+
+# Ranges of Q-values, in scaled rewards, between which a state is the likelier to be learned.
+LEAST_RANGE, MOST_RANGE = 0.01, 3.0
 
 
 def distillation_loss(
@@ -64,19 +67,29 @@ class Pupil(DoubleDQN):
         self.own = min(1.0, episode / (self.settings.own_fraction * self.learn.episodes))
         return super().act(step, episode)
 
+    @torch.no_grad()
+    def sample(self) -> TensorDictBase:
+        """Draw a batch with `teacher_q` [B, A], the likelier where the choice of an action matters more.
+
+        On open sea Q-values hardly differ. So several states are drawn for each that is learned, and chosen
+        by the range of the teacher's Q-values, which costs little beside a network of pixels.
+        """
+        count = self.learn.batch_size
+        state = self.replay.sample(self.settings.candidates * count)["state"]
+        if self.mirror is not None:
+            # The teacher knows the Q-values of any state, so half of them may be mirror images.
+            state[1::2] = self.mirror(state[1::2])
+        q = self.teacher(state)
+        weight = (q.amax(-1) - q.amin(-1)).clamp(LEAST_RANGE, MOST_RANGE)
+        chosen = torch.multinomial(weight, count, generator=self.replay.generator)
+        return TensorDict({"state": state[chosen], "teacher_q": q[chosen]}, [count], state.device)
+
     def loss(self, batch: TensorDictBase) -> Tensor:
         """Compute the loss of `state` [B, S], and write what the network sees of it."""
-        state = batch["state"]
-        if self.mirror is not None:
-            # The teacher knows the Q-values of any state, so half of the batch may be mirror images.
-            state = state.clone()
-            state[1::2] = self.mirror(state[1::2])
-        seen = self.draw(state)
+        seen = self.draw(batch["state"])
         batch.set(self.online_network.observes, seen)
-        with torch.no_grad():
-            teacher_q = self.teacher(state)
         weights = self.settings.temperature, self.settings.huber_weight, self.learn.huber_delta
-        return distillation_loss(self.online_network(seen), teacher_q, *weights)
+        return distillation_loss(self.online_network(seen), batch["teacher_q"], *weights)
 
 
 def build(setup: Setup) -> Pupil:

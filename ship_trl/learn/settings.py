@@ -66,13 +66,14 @@ class Pupil:
     """Distillation of the network of a `teacher` (learn/pupil.py).
 
     `own_fraction` is the share of the episodes after which the pupil chooses all actions. The temperature is
-    in scaled rewards.
+    in scaled rewards. Of `candidates` states one is learned.
     """
 
     teacher: TeacherName
     own_fraction: PositiveShare
     temperature: Annotated[float, Field(gt=0)]
     huber_weight: Annotated[float, Field(ge=0, le=1000)]
+    candidates: Annotated[int, Field(ge=1, le=100)]
 
 
 READS = {

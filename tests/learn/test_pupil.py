@@ -11,9 +11,9 @@ from ship_trl.config.types import BackendName
 from ship_trl.learn.hooks import LearningHooks
 from ship_trl.learn.pupil import Pupil, build, distillation_loss
 from ship_trl.learn.train import Finished, Training, train
-from tests.learn.worlds import Corridor, Freezing, corridor_setup, draw, schedule
+from tests.learn.worlds import Corridor, Freezing, corridor_setup, schedule
 
-OPTIONS = {"teacher": "file", "own_fraction": 0.5, "temperature": 0.3, "huber_weight": 0.3}
+OPTIONS = {"teacher": "file", "own_fraction": 0.5, "temperature": 0.3, "huber_weight": 0.3, "candidates": 3}
 LEARN = {"episodes": 40, "batch_size": 16, "epsilon_start": 0.5, "epsilon_end": 0.5, "lr_end": 1e-4}
 # All places of the corridor where an action is taken.
 PLACES = torch.arange(-3.0, 4.0)[:, None] * torch.tensor([1.0, 0.0])
@@ -31,7 +31,8 @@ def flip(state: Tensor) -> Tensor:
 
 
 def make(seed: int = 0, method: LearningHooks | None = None, mirror: Any = None, **changes: Any) -> Pupil:
-    given = {"method": method or LearningHooks(), "options": OPTIONS, "teacher": teacher, "mirror": mirror}
+    options = changes.pop("options", OPTIONS)
+    given = {"method": method or LearningHooks(), "options": options, "teacher": teacher, "mirror": mirror}
     return build(corridor_setup(seed, schedule(**LEARN | changes), **given))
 
 
@@ -66,18 +67,36 @@ def test_the_loss_is_the_divergence_and_hubers_loss() -> None:
     assert float(distillation_loss(wanted, wanted, 0.5, 0.3)) == pytest.approx(0, abs=1e-6)
 
 
-def test_it_learns_from_mirror_images_too() -> None:
-    left = TensorDict({"state": torch.tensor([[-3.0, 0.0]] * 8)}, [8])
-    right = torch.tensor([[3.0, 0.0]])
+def holding(states: Tensor, **changes: Any) -> Pupil:
+    """Return a pupil whose replay holds states [N, S]."""
+    pupil, count = make(**changes), len(states)
+    ends = {
+        "done": torch.zeros(count, 1, dtype=torch.bool),
+        "terminated": torch.zeros(count, 1, dtype=torch.bool),
+    }
+    following = TensorDict({"state": states, "reward": torch.zeros(count, 1), **ends}, [count])
+    step = {"state": states, "action": torch.zeros(count, dtype=torch.int64), "next": following}
+    pupil.replay.extend(TensorDict(step, [count]))
+    return pupil
 
-    def error_after(pupil: Pupil) -> float:
-        for _ in range(60):
-            pupil.learn_from(left.clone())
-        loss = distillation_loss(pupil.online_network(draw(right)), teacher(right), 0.3, 0.3)
-        return float(loss.detach())
 
-    # Without, half of the last batch is told nothing of the other end.
-    assert error_after(make(mirror=flip)) < 0.2 * error_after(make())
+def test_half_of_a_batch_are_mirror_images() -> None:
+    left = torch.tensor([[-3.0, 0.0]] * 8)
+    found = holding(left, mirror=flip, batch_size=64).sample()
+    assert 16 < (found["state"][:, 0] == 3.0).sum() < 48
+    torch.testing.assert_close(found["teacher_q"], teacher(found["state"]))
+    assert (holding(left, batch_size=64).sample()["state"] == left[0]).all()
+
+
+@pytest.mark.parametrize("candidates", [1, 8])
+def test_states_are_learned_the_likelier_the_more_the_choice_matters(candidates: int) -> None:
+    # The ranges of the teacher's Q-values are 0.5 and 2.5.
+    states = torch.tensor([[0.0, 0.0], [2.0, 0.0]])
+    options = OPTIONS | {"candidates": candidates}
+    found = holding(states, options=options, batch_size=600).sample()["state"][:, 0]
+    share = float((found == 2.0).float().mean())
+    # All of 600 states are learned, or 600 of 4,800, half of which are drawn five times as likely.
+    assert share == pytest.approx(0.5 if candidates == 1 else 5 / 6, abs=0.06)
 
 
 def test_a_checkpoint_goes_on_with_the_same_bits() -> None:

@@ -20,7 +20,7 @@ from ship_trl.learn.network import Draw
 from ship_trl.learn.replay import StateReplay
 
 # Ranges of Q-values, in scaled rewards, between which a state is the likelier to be learned.
-LEAST_RANGE, MOST_RANGE = 0.01, 3.0
+LEAST_RANGE, MOST_RANGE = 0.01, 6.0
 
 
 def distillation_loss(

@@ -13,7 +13,7 @@ from ship_trl.learn.pupil import Pupil, build, distillation_loss
 from ship_trl.learn.train import Finished, Training, train
 from tests.learn.worlds import Corridor, Freezing, corridor_setup, schedule
 
-OPTIONS = {"teacher": "file", "own_fraction": 0.5, "temperature": 0.3, "huber_weight": 0.3, "candidates": 3}
+OPTIONS = {"teacher": "file", "own_fraction": 0.5, "temperature": 0.3, "huber_weight": 0.3, "candidates": 6}
 LEARN = {"episodes": 40, "batch_size": 16, "epsilon_start": 0.5, "epsilon_end": 0.5, "lr_end": 1e-4}
 # All places of the corridor where an action is taken.
 PLACES = torch.arange(-3.0, 4.0)[:, None] * torch.tensor([1.0, 0.0])

@@ -73,10 +73,10 @@ def rule_payment(before: Tensor, after: Tensor, safe: float) -> Tensor:
 
     It is the mean over target ships, and what a collision costs, as a pass without any safety does.
 
-    Where own ship keeps clear, an encounter costs 1 as it begins, but not in an episode's first state, and the
-    action earns that back as far as it is large and timely: best is to have no encounter, or to act in full.
-    At CPA it costs what safety and side of passing lack. Where own ship stands on, its action costs, until the
-    ship is in stage 4.
+    Where own ship keeps clear, an encounter costs 1 as it begins, but for those that an episode begins with,
+    and the action earns that back as far as it is large and timely. So best is to have none, or to act in
+    full. At CPA it costs what safety and side of passing lack. Where own ship stands on, its action costs,
+    until the ship is in stage 4.
 
     Args:
         before: states [N, S], with what `sim.encounter.Tracker` writes.

@@ -24,11 +24,10 @@ OWN = "studies/paper/claims.py"
 class Verdicts:
     """What a study says of its claims.
 
-    `rows` go to claims.csv, `markdown` to verdicts.md, `lines` to the terminal, `shown` to the page.
+    `rows` go to claims.csv, `lines` to the terminal, `shown` to the page.
     """
 
     rows: Sequence[Mapping[str, Any]]
-    markdown: str
     lines: Sequence[str]
     shown: Mapping[str, Any]
 

@@ -1,4 +1,4 @@
-"""What a report says of the claims: claims.csv, verdicts.md, what is printed, and the words of paper.html."""
+"""What a report says of the claims: claims.csv, what is printed, and the words of paper.html."""
 
 from __future__ import annotations
 
@@ -65,7 +65,6 @@ def report(study: Study, folder: Path, claims: Sequence[Claim], explored: Sequen
         intervals += (
             f" The levels are O'Brien and Fleming's: all {count} looks together err as often as one at 95 %."
         )
-    describe = partial(in_a_sentence, earlier=earlier)
     looks = []
     for number, count in enumerate(study.looks, 1):
         level = look_level(number, len(study.looks))
@@ -83,17 +82,10 @@ def report(study: Study, folder: Path, claims: Sequence[Claim], explored: Sequen
         "families": list(families([*answers, *others])),
         "unit": unit,
         "percent": percent,
-        "describe": describe,
+        "describe": partial(in_a_sentence, earlier=earlier),
     }
-    table = ["| claim | verdict | grade | the paper | measured |", "| --- | --- | --- | --- | --- |"]
-    for one in answers:
-        cells = [one.claim.name, one.word, grades[one.claim.name].grade, one.claim.sentence, describe(one)]
-        # "|" would end the cell, and "<" could begin a tag.
-        cells = [words.replace("|", "/").replace("<", "&lt;") for words in cells]
-        table.append(f"| {' | '.join(cells)} |")
-    markdown = "\n".join([intervals, "", graded, "", *table]) + "\n"
     rows = [row for one in (*answers, *others) for row in claim_rows(one, grades.get(one.claim.name))]
-    return Verdicts(rows, markdown, list(lines_of(study, answers, grades, graded)), shown)
+    return Verdicts(rows, list(lines_of(study, answers, grades, graded)), shown)
 
 
 def lines_of(

@@ -66,7 +66,7 @@ def write(study: Study, folder: Path, output: Path, missing: int, show: Show) ->
     """Judge the claims, write all files, and return what is to be printed."""
     show(READ)
     judge = study.claims.judge
-    judged = Verdicts([], "", [], {}) if judge is None else judge(study, folder)
+    judged = Verdicts([], [], {}) if judge is None else judge(study, folder)
     show(JUDGED)
     reached = list(opening.measure_arms(study))
     headlines = [one.headline for one in reached if one.differences]
@@ -122,12 +122,8 @@ def write(study: Study, folder: Path, output: Path, missing: int, show: Show) ->
         equation=tables.EQUATION,
         broken=study.broken,
     )
-    for name, content in (("index.html", text), ("verdicts.md", judged.markdown)):
-        if not content:
-            (output / name).unlink(missing_ok=True)
-            continue
-        with atomic_write(output / name) as draft:
-            draft.write_text(content)
+    with atomic_write(output / "index.html") as draft:
+        draft.write_text(text)
     told = [] if study.claims.judge else headlines[: opening.MANY]
     return [*judged.lines, *told, *([f"missing: {counted(missing, 'planned run')}"] if missing else [])]
 

@@ -87,7 +87,6 @@ def test_the_report_that_is_kept_follows_from_the_tables(
         assert len(kept) == len(anew) and kept[0] == anew[0]
         for here, there in zip(kept, anew, strict=True):
             assert all(map(same, here, there)), (name, here, there)
-    assert (REPORT / "verdicts.md").read_text() == (made / "verdicts.md").read_text()
 
 
 @pytest.mark.long

@@ -24,7 +24,17 @@ from ship_trl.study.report import write
 from ship_trl.study.statistics import Estimate
 from studies.paper.claims import ALL
 from studies.paper.contrasts import beats
-from studies.paper.judge import Answer, Claim, Finding, Grade, Part, Verdict, judge, min_detectable_effect
+from studies.paper.judge import (
+    CONCLUSION,
+    Answer,
+    Claim,
+    Finding,
+    Grade,
+    Part,
+    Verdict,
+    judge,
+    min_detectable_effect,
+)
 from studies.paper.report import families, in_a_sentence, percent, scale_of
 from tests.command import ROOT, files
 from tests.command import report as main
@@ -163,7 +173,7 @@ def test_a_claims_file_may_be_ones_own(
     mine.write_text(
         "from ship_trl.study.claims import Claims, Verdicts\n"
         "def judge(study, folder):\n"
-        "    return Verdicts([{'claim': 'M1', 'runs': len(study.records)}], 'M1', ['M1 holds'], {})\n"
+        "    return Verdicts([{'claim': 'M1', 'runs': len(study.records)}], ['M1 holds'], {})\n"
         "def claims():\n"
         "    return Claims(judge)\n"
     )
@@ -294,10 +304,9 @@ class Page(html.parser.HTMLParser):
 
 
 def verdict(reported: Reported, name: str) -> str:
-    """The line of a claim in verdicts.md."""
-    lines = reported.read("verdicts.md").splitlines()
-    (line,) = (line for line in lines if line.startswith(f"| {name} "))
-    return line
+    """The row of a claim of a figure on the page."""
+    (row,) = re.findall(rf"<tr><td>{name}</td>.*?</tr>", reported.read("index.html"), re.DOTALL)
+    return str(row)
 
 
 def test_the_page_is_whole_and_needs_nothing_else(reported: Reported) -> None:
@@ -321,35 +330,34 @@ def test_the_page_begins_with_what_is_decided(reported: Reported) -> None:
     assert {name: word for word, name in told} == {n: row["claim's verdict"] for n, row in rows.items()}
 
 
-def test_verdicts_and_grades_are_a_markdown_table(reported: Reported) -> None:
-    head, _, counts, _, *lines = reported.read("verdicts.md").splitlines()
-    graded = {name: row["grade"] for name, (row, *_) in reported.claims().items()}
+def test_the_page_has_verdict_and_grade_of_each_claim(reported: Reported) -> None:
+    text, graded = (
+        reported.read("index.html"),
+        {n: row["grade"] for n, (row, *_) in reported.claims().items()},
+    )
     every = [graded[claim.name] for claim in ALL]
-    assert "95 % after 5 seeds" in head
-    assert counts == f"Grades: {', '.join(f'{every.count(grade)} {grade}' for grade in Grade)}."
-    assert counts in reported.read("index.html") and counts in reported.out
-    assert len(lines) == 2 + len(ALL) and all(line.count(" | ") == 4 for line in lines)
+    counts = f"Grades: {', '.join(f'{every.count(grade)} {grade}' for grade in Grade)}."
+    assert "95 % after 5 seeds" in text and counts in text and counts in reported.out
     assert "FT2 &lt; FT3 &lt; FT4 &lt; FTW" in verdict(reported, "H5h")
     assert {name for name, grade in graded.items() if grade} == {claim.name for claim in ALL}
     (first, *_) = reported.claims()["H5d"]
-    assert verdict(reported, "H5d").split(" | ")[2] == first["grade"] and first["part"] in {*Part}
+    assert f'<span class="grade">{first["grade"]}</span>' in verdict(reported, "H5d")
+    assert first["part"] in {*Part}
 
 
 def test_a_claim_without_runs_is_called_so_everywhere(reported: Reported) -> None:
     # The study has pair high alone: figure 7 is of pair lowest.
-    line = verdict(reported, "H7d")
-    assert line.startswith("| H7d | no runs | undetermined | ") and line.endswith(" | No runs. |")
+    cells = verdict(reported, "H7d")
+    assert ">no runs</span>" in cells and ">undetermined</span>" in cells and "No runs." in cells
     (row,) = reported.claims()["H7d"]
     assert row["claim's verdict"] == "no runs" and row["contrast"] == row["estimate"] == row["verdict"] == ""
-    (cells,) = re.findall(r"<tr><td>H7d</td>.*?</tr>", reported.read("index.html"), re.DOTALL)
-    assert ">no runs</span>" in cells and "inconclusive" not in cells
+    assert "inconclusive" not in cells
     assert "\nH5d " in reported.out and "\nH7d " not in reported.out and reported.out.count("no runs: ") == 1
 
 
 def test_what_an_earlier_study_said_stands_beside(odd: Reported) -> None:
-    lines = odd.read("verdicts.md").splitlines()
-    told = [row.split(" | ")[0] for row in lines if 'rules, of "Other words / &lt;b>": contradicted.' in row]
-    assert told == ["| H5a"]
+    said = "rules, of &#34;Other words | &lt;b&gt;&#34;: contradicted."
+    assert said in verdict(odd, "H5a") and odd.read("index.html").count(said) == 1
 
 
 @pytest.mark.parametrize("text", ["a,b\n1,2\n", "claim,claim's verdict,sentence\nH5a,<b>,x\n"])
@@ -391,9 +399,8 @@ def test_of_open_claims_it_is_said_how_many_seeds_they_want(reported: Reported) 
     rows = {name: row for name, (row, *_) in reported.claims().items()}
     wanted = {name: row["seeds wanted"] for name, row in rows.items() if row["seeds wanted"]}
     assert wanted and not any(rows[name]["decided after seeds"] for name in wanted)
-    for line in reported.read("verdicts.md").splitlines()[6:]:
-        name = line.split(" | ")[0].removeprefix("| ")
-        assert (f" {wanted.get(name)} seeds would tell" in line) is (name in wanted)
+    for name in (claim.name for claim in ALL if claim.figure != CONCLUSION):
+        assert (f" {wanted.get(name)} seeds would tell" in verdict(reported, name)) is (name in wanted)
 
 
 def test_a_claim_open_by_the_adjustment_alone_says_what_could_be_seen() -> None:

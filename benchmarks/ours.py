@@ -88,7 +88,7 @@ class Ours:
 
     def sample(self) -> TensorDictBase:
         """Draw a batch from the replay."""
-        return self.replay.sample(self.learn.batch_size)
+        return self.algorithm.sample()
 
     def train(self, steps: int) -> None:
         """Train for at least `steps` environment steps."""

@@ -1,6 +1,6 @@
 """Read a study's runs in pandas: what each arm gains over scratch, seed by seed.
 
-    python examples/study_in_pandas.py outputs/quick_study/report/runs.csv
+    python examples/study_in_pandas.py outputs/confirmatory/report/runs.csv
 
 A row of `runs.csv` is a run, a column a metric (what it is: studies/paper/analysis-plan.md). Runs of one seed
 share their source network, so differences are taken within a seed.
@@ -26,4 +26,4 @@ def main(path: Path) -> None:
 
 
 if __name__ == "__main__":
-    main(Path(sys.argv[1] if len(sys.argv) > 1 else "outputs/quick_study/report/runs.csv"))
+    main(Path(sys.argv[1] if len(sys.argv) > 1 else "outputs/confirmatory/report/runs.csv"))

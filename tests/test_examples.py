@@ -38,7 +38,7 @@ ARGUMENTS = {
     "stock_torchrl": ["--steps", "400"],
     "gymnasium_sb3": ["--steps", "300"],
     "sources_in_pandas": [str(ROOT / "outputs/sources/numbers.csv.xz"), "FTW"],
-    "study_in_pandas": [str(ROOT / "outputs/quick_study/report/runs.csv")],
+    "study_in_pandas": [str(ROOT / "outputs/confirmatory/report/runs.csv")],
 }
 # Builders of algorithms, which the command takes, and those that have a test of their own.
 OTHERS = ("own_algorithm", "prioritised_replay", "sb3_extractor", "imazu_two_readings", "ais_encounter")

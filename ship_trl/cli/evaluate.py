@@ -7,7 +7,8 @@ folders and bundled networks have their own target, and the table shows the retu
 policies act in the world of the first result folder or, without one, in the paper's with world.KEY=VALUE.
 perturbation.own_position=50 (metres) and the like draw starts at random. Of several episodes the table has
 rates and, in metres, the mean least distance to a ship and its 5th percentile. --rules adds a table of what
-own ship does by the steering rules, and scores; --all shows every column.
+own ship does by the steering rules, and scores; --all shows every column. Where policies meet the same
+suites, a table of their success comes first.
 """
 
 from __future__ import annotations
@@ -219,15 +220,16 @@ def print_table(found: list[Scored], options: Namespace) -> None:
 
 
 def print_success(found: list[Scored], markdown: bool) -> None:
-    """Print the success of several policies in several suites, a column for each suite."""
+    """Print the success of several policies in the same suites, a column for each suite."""
     from ship_trl.run.console import show
 
     several = [one for one in found if len(one.episodes) > 1]
     policies = list(dict.fromkeys(one.entry.label for one in several))
     suites = list(dict.fromkeys(one.suite_name for one in several))
-    if min(len(policies), len(suites)) > 1:
-        reached = {(one.entry.label, one.suite_name): describe_share(one.measured, "goal") for one in several}
-        rows = [[policy, *(reached.get((policy, suite), "-") for suite in suites)] for policy in policies]
+    reached = {(one.entry.label, one.suite_name): describe_share(one.measured, "goal") for one in several}
+    # Networks may have suites of their own, and two files one name.
+    if min(len(policies), len(suites)) > 1 and len(reached) == len(several) == len(policies) * len(suites):
+        rows = [[policy, *(reached[policy, suite] for suite in suites)] for policy in policies]
         show(("policy", *suites), rows, markdown, "Success")
 
 

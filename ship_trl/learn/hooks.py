@@ -22,7 +22,10 @@ class LearningHooks:
         return 1.0
 
     def penalty(self, network: nn.Module, batch: TensorDictBase) -> Tensor | None:
-        """Return what is added to the loss of a batch, or None for nothing."""
+        """Return what is added to the loss of a batch, or None for nothing.
+
+        A batch holds at least what the network observes, under the network's key.
+        """
         return None
 
     def act(self, step: TensorDictBase, progress: float) -> None:

@@ -72,12 +72,13 @@ class Pupil(DoubleDQN):
         """Draw a batch with `teacher_q` [B, A], the likelier where the choice of an action matters more.
 
         On open sea Q-values hardly differ. So several states are drawn for each that is learned, and chosen
-        by the range of the teacher's Q-values, which costs little beside a network of pixels.
+        by the range of the teacher's Q-values, which costs little if the teacher sees numbers.
         """
         count = self.learn.batch_size
         state = self.replay.sample(self.settings.candidates * count)["state"]
         if self.mirror is not None:
             # The teacher knows the Q-values of any state, so half of them may be mirror images.
+            state = state.clone()
             state[1::2] = self.mirror(state[1::2])
         q = self.teacher(state)
         weight = (q.amax(-1) - q.amin(-1)).clamp(LEAST_RANGE, MOST_RANGE)

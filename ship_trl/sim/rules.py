@@ -69,14 +69,12 @@ def wrong_side(kind: Tensor, bearing: Tensor, aspect: Tensor) -> Tensor:
 
 
 def rule_payment(before: Tensor, after: Tensor, safe: float) -> Tensor:
-    """Return what steps of N ships earn by the rules, [N].
+    """Return what steps of N ships earn by the rules, [N]: at most 1 in an episode.
 
     It is the mean over target ships, and what a collision costs, as a pass without any safety does.
 
-    Where own ship keeps clear, an encounter costs 1 as it begins, but for those that an episode begins with,
-    and the action earns that back as far as it is large and timely. So best is to have none, or to act in
-    full. At CPA it costs what safety and side of passing lack. Where own ship stands on, its action costs,
-    until the ship is in stage 4.
+    Where own ship keeps clear, its action counts as far as it is timely; at CPA it costs what safety and side
+    of passing lack. Where it stands on, its action costs, until the ship is in stage 4.
 
     Args:
         before: states [N, S], with what `sim.encounter.Tracker` writes.
@@ -88,7 +86,7 @@ def rule_payment(before: Tensor, after: Tensor, safe: float) -> Tensor:
     acted = (target_ships(after)[..., SHIP_ACTION] - target_ships(before)[..., SHIP_ACTION]) * (kind == later)
     is_ahead = first.tcpa > 0
     timely = (first.distance / STAGE3).clamp(max=1.0)
-    paid = acted * timely * (keeps_clear(kind) & is_ahead) - 1.0 * (keeps_clear(later) & (kind != later))
+    paid = acted * timely * (keeps_clear(kind) & is_ahead)
     paid = paid - acted * (stands_on(kind) & (first.distance > STAGE4))
     distance = closest_approach(relative_positions(before), relative_positions(after))
     lacks = 1 - safety_score(distance, then.bearing, then.aspect, safe)

@@ -98,20 +98,6 @@ def test_keeping_clear_early_and_to_starboard_earns_most() -> None:
     assert sides[0] == pytest.approx(sides[1], abs=1e-3)
 
 
-def test_an_encounter_that_begins_costs_what_its_action_can_earn() -> None:
-    # It comes into range after 6 s.
-    far = TargetShip(0, 950, -90, 15)
-    states = run(far, [STRAIGHT] * 8 + [STARBOARD] * 8 + [STRAIGHT] * 20)
-    kinds, paid = target_ships(states)[:, 0, SHIP_CLASS], payments(states)
-    begins = int((kinds[1:] == Encounter.HEAD_ON).int().argmax())
-    assert kinds[begins] == Encounter.NONE and paid[begins] == pytest.approx(-1.0)
-    assert paid[:begins].abs().max() == 0 and float(paid[begins:16].sum()) == pytest.approx(0.0, abs=1e-4)
-    # A ship that must keep clear of own ship costs nothing.
-    states = run(TargetShip(-600, 600, 0, 15), [STRAIGHT] * 30)
-    kinds = target_ships(states)[:, 0, SHIP_CLASS]
-    assert kinds[0] == Encounter.NONE and Encounter.STAND_ON in kinds.tolist() and not payments(states).any()
-
-
 @pytest.mark.parametrize("ship", [HEAD_ON, FROM_PORT])
 def test_a_collision_costs_a_pass_without_safety_whoever_keeps_clear(ship: TargetShip) -> None:
     states = run(ship, [STRAIGHT] * 40)

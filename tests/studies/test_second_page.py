@@ -33,6 +33,12 @@ def test_one_command_gives_the_kept_contrasts_and_what_the_page_counts(
     told = f"{alike['1']} of the {len(beside['1'])} contrasts of question 1, and all of question 2"
     assert told in PAGE.read_text()
     assert alike["2"] == len(beside["2"]) > 0
+    decided = [row for row in beside["1"] if {row[5], row[8]} <= {"more", "less"}]
+    assert f"Of the {len(decided)} that are more or less from both" in PAGE.read_text()
+    assert all(row[5] == row[8] for row in decided)
+    gains = [abs(float(row[-1])) for row in beside["1"] if row[2].endswith("less scratch")]
+    far = sum(gain > 2.9 for gain in gains)
+    assert f"{far} of the {len(gains)} gains over scratch are further" in PAGE.read_text()
 
 
 @pytest.mark.parametrize("words", [["both"], []])

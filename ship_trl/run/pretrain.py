@@ -31,9 +31,9 @@ SEEDS, SCRATCH = range(100, 105), ("method=scratch",)
 NUMBERS = "observation=vector", "network.linear=[256,256,512,256]"
 SUITES = {
     "traffic": (range(5), NUMBERS),
-    "traffic_rules": (range(3), (*NUMBERS, "margin.rules=300")),
+    "traffic_rules": (range(5), (*NUMBERS, "margin.rules=300")),
     # Its teacher is `traffic`, written before it.
-    "traffic_pixels": (range(2), ("algorithm=pupil", "algorithm.teacher=traffic")),
+    "traffic_pixels": (range(3), ("algorithm=pupil", "algorithm.teacher=traffic")),
 }
 TEACHER = "algorithm.teacher"
 # The suites that their success rates are of. Equal episodes on the first allow half precision.

@@ -1,14 +1,13 @@
 """The case base: trained networks stored by case or suite, and found by similarity. No torch.
 
 An entry is a folder `<case or suite>/<arm>/seed=<k>-<config hash>/` with `entry.json`, `config.yaml` and
-`policy.safetensors`. It is written atomically: under a temporary name, then renamed.
+`policy.safetensors`. The first is written last, and without it there is no entry.
 """
 
 from __future__ import annotations
 
 import json
 import math
-import secrets
 import shutil
 from dataclasses import asdict, dataclass
 from pathlib import Path
@@ -18,7 +17,7 @@ from filelock import FileLock
 
 from ship_trl.config.arm import forms
 from ship_trl.config.types import World
-from ship_trl.files.disk import read_json, sync, writing
+from ship_trl.files.disk import atomic_write, read_json
 from ship_trl.sim.cases import Case, Suite
 from ship_trl.transfer.similarity import MEASURES
 
@@ -131,26 +130,12 @@ class CaseBase:
         entry = StoredNetwork(folder, suite.name, suite.fingerprint, arm, seed, config_hash, scores, network)
         if self.find(suite, arm, seed, config_hash):
             return entry
-        draft = folder.with_name(f".{folder.name}.{secrets.token_hex(4)}")
-        draft.mkdir(parents=True)
-        try:
-            for name in (POLICY, CONFIG):
-                shutil.copyfile(run / name, draft / name)
-            values = {key: value for key, value in asdict(entry).items() if key != "path"}
-            with writing(draft / ENTRY):
-                (draft / ENTRY).write_text(json.dumps(values, indent=1, sort_keys=True))
-            for path in (*(draft / name for name in (POLICY, CONFIG, ENTRY)), draft):
-                sync(path)
-            if folder.exists() and not self.find(suite, arm, seed, config_hash):
-                shutil.rmtree(folder)
-            draft.rename(folder)
-            sync(folder.parent)
-        except OSError:
-            # Another process may have stored the same entry in the meantime.
-            if not (folder / ENTRY).is_file():
-                raise
-        finally:
-            shutil.rmtree(draft, ignore_errors=True)
+        for name in (POLICY, CONFIG):
+            with atomic_write(folder / name) as draft:
+                shutil.copyfile(run / name, draft)
+        values = {key: value for key, value in asdict(entry).items() if key != "path"}
+        with atomic_write(folder / ENTRY) as draft:
+            draft.write_text(json.dumps(values, indent=1, sort_keys=True))
         return entry
 
 

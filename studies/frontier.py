@@ -1,4 +1,4 @@
-"""`python -m studies.frontier`: what keeping the steering rules costs in success, at four weights.
+"""`python -m studies.frontier`: what keeping the steering rules costs in success, at six weights.
 
 Each network learns from numbers as `pretrained:traffic_rules` does, with its own `margin.rules` and one seed:
 some ten minutes on one core. Missing runs are made, one after the other.
@@ -23,7 +23,7 @@ from ship_trl.config.errors import override
 from ship_trl.files.disk import atomic_write
 from ship_trl.run.pretrain import NUMBERS
 
-WEIGHTS = (0, 100, 300, 600)
+WEIGHTS = (0, 50, 100, 200, 300, 600)
 WORDS = "target=traffic", "method=scratch", *NUMBERS
 SUITES = ("traffic_test", "traffic_dense", "traffic_reacting")
 RULES = (8, 13, 14, 15, 16)

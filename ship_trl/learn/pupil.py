@@ -19,7 +19,7 @@ from ship_trl.learn.masks import mask_values
 from ship_trl.learn.network import Draw
 from ship_trl.learn.replay import StateReplay
 
-# Ranges of Q-values, in scaled rewards, between which a state is the likelier to be learned.
+# A state is the likelier to be learned, the wider the range of its Q-values; between these, in scaled rewards.
 LEAST_RANGE, MOST_RANGE = 0.01, 6.0
 
 

@@ -19,7 +19,7 @@ from ship_trl.learn.masks import mask_values
 from ship_trl.learn.network import Draw
 from ship_trl.learn.replay import StateReplay
 
-# A state is the likelier to be learned, the wider the range of its Q-values; between these, in scaled rewards.
+# The wider the range of its Q-values (scaled rewards), the likelier a state is learned; between these bounds.
 LEAST_RANGE, MOST_RANGE = 0.01, 6.0
 
 

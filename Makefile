@@ -14,9 +14,9 @@ PYTHON ?= $(BIN)/python python3 python3.14 python3.13 python3.12 python3.11
 VENV ?= .venv
 LOCK ?= requirements.lock
 UPGRADE ?=
-ARGS ?= +pair=low method=finetune layers=3
+ARGS ?= +pair=low method=finetune layers=3 source=pretrained
 # The network of the film; with other arguments the run leaves its own episode.gif.
-FILMED ?= $(if $(filter file,$(origin ARGS)),outputs/low/FT3/seed=0)
+FILMED ?= $(if $(filter file,$(origin ARGS)),outputs/low/FT3-pretrained/seed=0)
 
 BIN = $(VENV)/bin
 # Beside the other: what these tools need must not change what is run and tested.

@@ -19,8 +19,6 @@ from ship_trl.learn.rollout import EpsilonGreedy
 
 # Key of the observations of frozen layers, which the replay stores next to states.
 FEATURES = "features"
-# Updates between two steps of the average that is evaluated, because a step takes a twentieth of an update.
-AVERAGE_EVERY = 8
 
 
 class DoubleDQN(Algorithm):
@@ -29,8 +27,7 @@ class DoubleDQN(Algorithm):
     The online network explores, as in the paper. Evaluations use the target network, which is the running
     average of the online network over the last 1/tau updates. Q-values of actions are often almost equal
     (one second at 12 m/s instead of 15 costs 0.7 of a return of 84). So each update changes some choices
-    of the online network, but few of the average. With `learn.average` evaluations use another average, which
-    may be slower than what learning needs (Izmailov et al., 2018): then errors of single updates cancel.
+    of the online network, but few of the average.
 
     An algorithm of one's own overrides `sample`, `loss`, `learn_from` or `best_actions`.
 
@@ -76,10 +73,7 @@ class DoubleDQN(Algorithm):
         # Environment steps and updates so far.
         self.steps = self.updates = 0
         self.target_network: DuelingNetwork = copy.deepcopy(network).requires_grad_(False)
-        self.average: DuelingNetwork | None = None
-        if learn.average:
-            self.average = copy.deepcopy(network).requires_grad_(False)
-        self.evaluate_with(self.average or self.target_network)
+        self.evaluate_with(self.target_network)
         self._find_learning()
 
     def make_encoders(self) -> dict[str, Draw]:
@@ -154,19 +148,11 @@ class DoubleDQN(Algorithm):
         while self.updates < due:
             losses.append(self.learn_from(self.sample()))
             self.updates += 1
-            if self.average is not None and self.updates % AVERAGE_EVERY == 0:
-                self._step_average(self.average)
         return losses
 
     def sample(self) -> TensorDictBase:
         """Draw a batch."""
         return self.replay.sample(self.learn.batch_size)
-
-    @torch.no_grad()
-    def _step_average(self, average: DuelingNetwork) -> None:
-        """Let the average follow the online network: at first it is the mean of all so far."""
-        share = max(1 - (1 - self.learn.average) ** AVERAGE_EVERY, AVERAGE_EVERY / self.updates)
-        torch._foreach_lerp_([*average.parameters()], [*self.online_network.parameters()], share)
 
     def loss(self, batch: TensorDictBase) -> Tensor:
         """Return the mean loss of a batch."""
@@ -206,8 +192,6 @@ class DoubleDQN(Algorithm):
         # Both networks share the tensors of frozen layers.
         own = {k: v for k, v in target.items() if v.data_ptr() != state[f"online.{k}"].data_ptr()}
         state |= add_prefix("target", own) | add_prefix("replay", self.replay.state_dict())
-        if self.average is not None:
-            state |= add_prefix("average", self.average.state_dict())
         return state | {"counters": torch.tensor([self.steps, self.updates])}
 
     def load_state_dict(self, state: Mapping[str, Tensor]) -> None:
@@ -215,8 +199,6 @@ class DoubleDQN(Algorithm):
         super().load_state_dict(state)
         self.steps, self.updates = map(int, state["counters"])
         self.target_network.load_state_dict(strip_prefix("online", state) | strip_prefix("target", state))
-        if self.average is not None:
-            self.average.load_state_dict(strip_prefix("average", state))
         self.replay.load_state_dict(strip_prefix("replay", state))
 
 

@@ -85,7 +85,6 @@ READS = {
         batch_key="minibatch_size",
         ignored=(
             *("learn.batch_size", "learn.update_every", "learn.tau", "learn.loss", "learn.huber_delta"),
-            "learn.average",
             *("learn.replay_size", "learn.warmup_steps"),
             *("learn.epsilon_start", "learn.epsilon_end", "learn.epsilon_fraction"),
         ),

@@ -97,11 +97,9 @@ def start_network(run: Run) -> tuple[DuelingNetwork, tuple[str, ...]]:
     """Make the initial network of a run, and name its frozen layers.
 
     Raises:
-        ConfigError, ValueError: the run has a mask, `learn.average`, or an arm that cannot be in lockstep.
+        ConfigError, ValueError: the run has a mask, or an arm that cannot be in lockstep.
     """
     require(run.config.mask is None, "mask", "null for runs in lockstep", run.config.mask)
-    average = run.config.learn.average
-    require(average == 0, "learn.average", "0 for runs in lockstep", average)
     weights = Generator().manual_seed(run.stream("weights"))
     network = make_network(run.config.network, len(run.config.world.actions), weights)
     method, source = make_method(run.arm, run.config.transfer), read_source(run)

@@ -9,11 +9,11 @@ from tensordict import TensorDict
 from torch import Generator, Tensor
 
 from ship_trl.config.types import Learn, Loss
-from ship_trl.learn.double_dqn import AVERAGE_EVERY, FEATURES, DoubleDQN, build
+from ship_trl.learn.double_dqn import FEATURES, DoubleDQN, build
 from ship_trl.learn.hooks import LearningHooks
 from ship_trl.learn.network import DuelingNetwork
 from ship_trl.learn.replay import DrawStates
-from tests.learn.worlds import Corridor, Freezing, corridor_setup, draw, fast_setup, schedule
+from tests.learn.worlds import Freezing, draw, fast_setup, schedule
 
 
 def make(
@@ -161,37 +161,6 @@ def test_evaluations_use_the_average_of_the_online_network() -> None:
     assert torch.equal(judged["action_value"], learner.network(draw(state)))
     assert torch.equal(judged["action"], judged["action_value"].argmax(-1))
     assert torch.equal(act(learner, state, 0.0), learner.online_network(draw(state)).argmax(-1))
-
-
-def test_a_slower_average_is_evaluated_if_asked_for() -> None:
-    learner = DoubleDQN(corridor_setup(1, learn := schedule(average=0.02, episodes=120)))
-    seen: list[list[Tensor]] = []
-    env, step = Corridor(3), Corridor(3).reset()
-    while learner.updates < 20 * AVERAGE_EVERY:
-        stepped, step = env.step_and_maybe_reset(learner.act(step, 0))
-        learner.observe(stepped)
-        before = learner.updates
-        learner.update()
-        if learner.updates > before and learner.updates % AVERAGE_EVERY == 0:
-            seen.append([one.clone() for one in learner.online_network.parameters()])
-    # The mean of those so far, then by two hundredths for each update.
-    averages = seen[0]
-    for k, online in enumerate(seen[1:], 2):
-        share = max(1 - 0.98**AVERAGE_EVERY, 1 / k)
-        averages = [old + share * (new - old) for old, new in zip(averages, online, strict=True)]
-    for own, wanted in zip(learner.network.parameters(), averages, strict=True):
-        torch.testing.assert_close(own, wanted)
-    assert not all(
-        torch.equal(own, target)
-        for own, target in zip(averages, learner.target_network.parameters(), strict=True)
-    )
-    again = DoubleDQN(corridor_setup(2, learn))
-    again.load_state_dict({key: value.clone() for key, value in learner.state_dict().items()})
-    state = torch.rand(5, 2)
-    for one in learner, again:
-        one.learn_from(one.replay.sample(8))
-    assert torch.equal(again.network(draw(state)), learner.network(draw(state)))
-    assert torch.equal(again.target_network(draw(state)), learner.target_network(draw(state)))
 
 
 def test_a_penalty_is_added_to_the_loss() -> None:

@@ -112,7 +112,6 @@ def schedule(**changes: Any) -> Learn:
         "warmup_steps": 30,
         "update_every": 4,
         "tau": 0.05,
-        "average": 0.0,
         "loss": Loss["l2"],
         "huber_delta": 1.0,
         "backend": BackendName.auto,

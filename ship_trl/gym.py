@@ -122,7 +122,8 @@ class ShipCollisionVectorEnv(gymnasium.vector.VectorEnv[Observations, NDArray[np
             limit = min(limit, read_as(Count, max_episode_steps, key="max_episode_steps"))
         self._starts = make_starts(self.suite, self.world)
         # Compiled loops on arrays: through tensors the step of one ship takes five times as long.
-        self._step = CompiledStep(Transition(replace(self.world, max_steps=limit)))
+        limited = replace(self.world, max_steps=limit)
+        self._step = CompiledStep(Transition(limited))
         self._replay = with_replay(self._step, self.suite, self.world)
         self._track = CompiledTracker(Tracker(self.world)).into
         rasteriser = Rasteriser(self.world, colour=colour, vector_time=ahead)
@@ -135,7 +136,7 @@ class ShipCollisionVectorEnv(gymnasium.vector.VectorEnv[Observations, NDArray[np
         self._shape = (scene.SIZE, scene.SIZE, rasteriser.channels)
         self.single_observation_space: spaces.Box = spaces.Box(0, 255, self._shape, np.uint8)
         if kind is Observation.vector:
-            self._encode = CompiledVector(VectorObservation.of(load_network("vector"), self.world))
+            self._encode = CompiledVector(VectorObservation.of(load_network("vector"), limited))
             shape = (self._encode.size,)
             self.single_observation_space = spaces.Box(-np.inf, np.inf, shape, np.float32)
         self.single_action_space = spaces.Discrete(len(self.world.actions))

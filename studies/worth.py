@@ -23,12 +23,14 @@ PARTS = {
     "all": ("target=traffic",),
     "near": ("target=traffic_near",),
     "three_ships": ("target=traffic", "network.ships=3"),
-    "no_encounters": ("target=traffic", "network.encounters=false"),
-    "no_collision": ("target=traffic", "margin.collision=0"),
+    "no_timeout": ("target=traffic", "margin.timeout=0"),
+    # These two differ from the one before: without encounters a network sees no clock, and a collision must
+    # cost more than a timeout.
+    "no_encounters": ("target=traffic", "margin.timeout=0", "network.encounters=false"),
+    "no_collision": ("target=traffic", "margin.timeout=0", "margin.collision=0"),
     "rules": ("target=traffic", "margin.rules=100"),
     "mask": ("target=traffic", "mask=rules"),
     "few_scenes": ("target=traffic", "learn.num_envs=64", "learn.update_every=64", "learn.episodes=8000"),
-    "no_average": ("target=traffic", "learn.average=0"),
 }
 # A policy's mask at evaluation.
 SHIELD = "+shield"

@@ -47,20 +47,20 @@ CONTRAST = 'beats("high", "scratch", "FE3", "collisions")'
 CLAIM = f'    Claim("E7", EXPLORATORY, "FE3 collides less.", [{CONTRAST}]),\n'
 HEADINGS = '"headings": Measure(lambda base, target, _: abs(base.heading - target.heading), nearer=True),'
 VECTOR_TIME = "    vector_time: bounds.Seconds = 0.0\n"
-COUNTED = "return bounds.OWN_NUMBERS + self.clock"
+COUNTED = "return bounds.OWN_NUMBERS + self.encounters + self.crowd"
 INIT = "    def __init__(self, world: World, ships: int, encounters: bool = False) -> None:\n"
-CLOCK_INIT = """\
+CROWD_INIT = """\
     def __init__(
-        self, world: World, ships: int, encounters: bool = False, clock: bool = False
+        self, world: World, ships: int, encounters: bool = False, crowd: bool = False
     ) -> None:
-        self.max_steps, self.clock = world.max_steps, clock
+        self.crowd = crowd
 """
 SHOWN = "        return torch.cat((torch.stack(own, -1), "
-CLOCK = """\
-        if self.clock:
-            own = (*own, state[..., STEP] / self.max_steps)
+CROWD = """\
+        if self.crowd:
+            own = (*own, state[..., col.SHIP_COUNT] / 8)
 """
-CLOCK_NETWORK = "defaults: [vector]\nclock: true\n"
+CROWD_NETWORK = "defaults: [vector]\ncrowd: true\n"
 # What the recipe of a method gives, in a file with its imports.
 METHOD = '''\
 from ship_trl.config.arm import Form
@@ -90,15 +90,15 @@ RECIPES = {
         ("ship_trl/learn/q_learning.py", "    raise ValueError(", f"{LOSS}    raise ValueError("),
     ],
     "vector": [
-        ("ship_trl/config/types.py", VECTOR_TIME, f"{VECTOR_TIME}    clock: bool = False\n"),
-        ("ship_trl/config/types.py", "return bounds.OWN_NUMBERS\n", f"{COUNTED}\n"),
-        ("ship_trl/sim/vector.py", INIT, CLOCK_INIT),
+        ("ship_trl/config/types.py", VECTOR_TIME, f"{VECTOR_TIME}    crowd: bool = False\n"),
+        ("ship_trl/config/types.py", "return bounds.OWN_NUMBERS + self.encounters\n", f"{COUNTED}\n"),
+        ("ship_trl/sim/vector.py", INIT, CROWD_INIT),
         (
             "ship_trl/sim/vector.py",
             "return cls(world, network.ships, network.encounters)",
-            "return cls(world, network.ships, network.encounters, network.clock)",
+            "return cls(world, network.ships, network.encounters, network.crowd)",
         ),
-        ("ship_trl/sim/vector.py", SHOWN, CLOCK + SHOWN),
+        ("ship_trl/sim/vector.py", SHOWN, CROWD + SHOWN),
     ],
     "metric": [("ship_trl/study/metrics.py", METRICS, f'{METRIC}{METRICS}    "worst": worst,\n')],
     "claim": [("studies/paper/claims.py", "OURS = [\n", f"OURS = [\n{CLAIM}")],
@@ -217,11 +217,11 @@ def test_a_loss(before: Path, tmp_path: Path) -> None:
 @pytest.mark.long
 def test_a_number_of_the_vector(tmp_path: Path) -> None:
     place, folder = follow("vector", copy(tmp_path)), tmp_path / "after"
-    (place / "conf/network/clock.yaml").write_text(CLOCK_NETWORK)
-    python(place, folder, "-m", *SMOKE, "observation=vector", "network=clock")
+    (place / "conf/network/crowd.yaml").write_text(CROWD_NETWORK)
+    python(place, folder, "-m", *SMOKE, "observation=vector", "network=crowd")
     line = ("evaluate", RESULT, "pretrained:traffic", "target=2")
     assert "pretrained:traffic" in python(place, folder, "-m", "ship_trl", *line)
-    assert "clock: true" in (folder / RESULT / "config.yaml").read_text()
+    assert "crowd: true" in (folder / RESULT / "config.yaml").read_text()
 
 
 @pytest.mark.long

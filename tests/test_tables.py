@@ -5,7 +5,7 @@ import re
 from ship_trl.config.network import load_network
 from ship_trl.sim import scene
 from ship_trl.sim.render import Rasteriser
-from ship_trl.sim.vector import DCPA, SINCE, TCPA, TURNED, VectorObservation
+from ship_trl.sim.vector import DCPA, LEFT, SINCE, TCPA, TURNED, VectorObservation
 from tests.tables import PAGES, TABLES, WORLD, fill, pixels, vector
 
 
@@ -23,9 +23,14 @@ def test_each_number_of_a_vector_has_a_meaning_in_the_unit_of_the_code() -> None
     last = size * (network.ships - 1)
     assert all(more == ([k + size, k + last] if k >= own else []) for k, *more in first)
     observation = VectorObservation(WORLD, 3)
-    units = f"{scene.VIEW_RADIUS:g} m", f"{observation.max_speed:g} m/s", f"{observation.max_turn:g} rad/s"
+    units: tuple[str, ...] = (
+        f"{scene.VIEW_RADIUS:g} m",
+        f"{observation.max_speed:g} m/s",
+        f"{observation.max_turn:g} rad/s",
+    )
     # 20 s is the unit of TCPA, and of the time since an onset.
-    assert {unit for _, _, unit, _ in rows} == {"", *units, f"{TCPA:g} s", f"{DCPA:g} m", f"{TURNED:g} rad"}
+    units += f"{TCPA:g} s", f"{LEFT:g} s", f"{DCPA:g} m", f"{TURNED:g} rad"
+    assert {unit for _, _, unit, _ in rows} == {"", *units}
     assert TCPA == SINCE
 
 

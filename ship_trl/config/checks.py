@@ -131,12 +131,10 @@ def ignored_keys(algorithm: Mapping[str, Any], words: Iterable[str]) -> list[str
 def named_learn(learn: Learn) -> dict[str, Any]:
     """Return the values of training that decide what is learned, as files of runs and studies name them.
 
-    Backends, like devices, only round differently. Older files do not name an average.
+    Backends, like devices, only round differently.
     """
     values = plain(learn)
     del values["backend"]
-    if not learn.average:
-        del values["average"]
     return values
 
 

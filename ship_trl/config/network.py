@@ -53,7 +53,7 @@ def vector_part(part: Network, whole: Network) -> list[int]:
     """
     each = [*range(part.ship_numbers - 1), whole.ship_numbers - 1]
     first = range(whole.own_numbers, whole.own_numbers + part.ships * whole.ship_numbers, whole.ship_numbers)
-    return [*range(whole.own_numbers), *(start + number for start in first for number in each)]
+    return [*range(part.own_numbers), *(start + number for start in first for number in each)]
 
 
 def geometry(network: Network) -> Geometry:

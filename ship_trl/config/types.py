@@ -168,19 +168,21 @@ class Margin:
     A step that passes a target ship inside `distance` (m) costs up to `penalty`: nothing at `distance`, all
     of it at the safe distance. Keeping the steering rules earns at most `rules` an episode
     (`sim.rules`). A collision costs `collision`, and twice `rules`, more: it ends the episode, so it must
-    cost more than all that is then no longer paid for near passes and broken rules.
+    cost more than all that is then no longer paid for near passes and broken rules. A truncated
+    episode costs `timeout`, less than a collision; above 0, its end counts as final.
     """
 
     distance: bounds.Bound = 0.0
     penalty: bounds.Bound = 0.0
     rules: bounds.Bound = 0.0
     collision: bounds.Bound = 0.0
+    timeout: bounds.Bound = 0.0
 
 
 def describe_margin(margin: Margin) -> dict[str, float]:
     """Return what a margin adds, as a digest of runs names it."""
     near = {"distance": margin.distance, "penalty": margin.penalty} if margin.penalty else {}
-    others = {"rules": margin.rules, "collision": margin.collision}
+    others = {"rules": margin.rules, "collision": margin.collision, "timeout": margin.timeout}
     return near | {key: value for key, value in others.items() if value}
 
 
@@ -205,7 +207,7 @@ class Network:
     `hidden` is the width of the fully connected layer behind them, which value and advantage share.
     `linear` lists the widths of fully connected layers, in place of both; they see the nearest `ships`. The
     first `per_ship` of them see own ship and one target ship at a time. With `encounters` they also see what
-    has happened since an encounter began. `vector_time` is the time whose way
+    has happened since an encounter began, and the time that is left. `vector_time` is the time whose way
     the speed vectors show in the picture that the conv layers see; 0 draws none.
     """
 
@@ -220,7 +222,7 @@ class Network:
     @property
     def own_numbers(self) -> int:
         """How many numbers of own ship a vector has."""
-        return bounds.OWN_NUMBERS
+        return bounds.OWN_NUMBERS + self.encounters
 
     @property
     def ship_numbers(self) -> int:
@@ -242,9 +244,7 @@ class Network:
 class Learn:
     """Training, as a file of conf/recipe sets it (sections 3.2 and 4.2), and how layers are computed.
 
-    Epsilon is annealed over the share `epsilon_fraction` of the episodes. With an `average` above 0 the
-    network that is evaluated follows the one that learns by this share in each update; else it is the target
-    network.
+    Epsilon is annealed over the share `epsilon_fraction` of the episodes.
     """
 
     episodes: bounds.Count
@@ -268,8 +268,6 @@ class Learn:
     reward_scale: bounds.RewardScale
     precision: Precision
     backend: BackendName
-    # Files of older runs do not name it.
-    average: bounds.Share = 0.0
 
 
 @dataclass

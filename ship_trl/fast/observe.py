@@ -21,7 +21,7 @@ MAX_SIZE, MIN_SPEED2 = np.float32(vector.MAX_SIZE), np.float32(vector.MIN_SPEED*
 LEAST = np.float32(1e-6)
 CLASSES = np.array(vector.CLASSES, np.int64)
 ENCOUNTER = len(CLASSES)
-SINCE, TURNED = np.float32(vector.SINCE), np.float32(vector.TURNED)
+SINCE, TURNED, LEFT = np.float32(vector.SINCE), np.float32(vector.TURNED), np.float32(vector.LEFT)
 PI, CIRCLE = np.float32(math.pi), np.float32(2 * math.pi)
 
 
@@ -64,10 +64,19 @@ def observe_encounter(row: Array, ship: int, max_turn: float, dt: float, seen: A
 
 
 @compiled()
-def observe(states: Array, max_speed: float, max_turn: float, dt: float, ships: int, seen: Array) -> None:
+def observe(
+    states: Array,
+    max_speed: float,
+    max_turn: float,
+    dt: float,
+    max_steps: float,
+    ships: int,
+    own: int,
+    seen: Array,
+) -> None:
     """Write what is observed of states [N, S] into `seen` [N, F]; the rest is of `VectorObservation`."""
     places, shown = (states.shape[1] - state.OWN_SIZE) // state.SHIP_SIZE, max(1, ships)
-    size = (seen.shape[1] - OWN_NUMBERS) // shown
+    size = (seen.shape[1] - own) // shown
     distance2 = np.empty(places, np.float32)
     for n in range(states.shape[0]):
         row, numbers = states[n], seen[n]
@@ -77,7 +86,9 @@ def observe(states: Array, max_speed: float, max_turn: float, dt: float, ships: 
         numbers[0] = math.sqrt(east * east + north * north) / VIEW
         numbers[1], numbers[2] = math.sin(bearing), math.cos(bearing)
         numbers[3], numbers[4] = row[state.SPEED] / max_speed, row[state.YAW_RATE] / max_turn
-        numbers[OWN_NUMBERS:] = ZERO
+        if own > OWN_NUMBERS:
+            numbers[OWN_NUMBERS] = min(max((max_steps - row[state.STEP]) * dt / LEFT, ZERO), ONE)
+        numbers[own:] = ZERO
         count = min(places, int(row[state.SHIP_COUNT]))
         for k in range(count):
             ship = state.OWN_SIZE + state.SHIP_SIZE * k
@@ -89,7 +100,7 @@ def observe(states: Array, max_speed: float, max_turn: float, dt: float, ships: 
                 is_first = other < k and distance2[other] == distance2[k]
                 nearer += int(distance2[other] < distance2[k] or is_first)
             if nearer < ships:
-                first, ship = OWN_NUMBERS + size * nearer, state.OWN_SIZE + state.SHIP_SIZE * k
+                first, ship = own + size * nearer, state.OWN_SIZE + state.SHIP_SIZE * k
                 place = numbers[first : first + size]
                 observe_ship(row, ship, cos, sin, max_speed, place)
                 if size > SHIP_NUMBERS:
@@ -105,8 +116,9 @@ class CompiledVector:
 
     def __init__(self, reference: vector.VectorObservation) -> None:
         numbers = SHIP_NUMBERS + ENCOUNTER_NUMBERS * reference.encounters
-        self.size, self._ships = OWN_NUMBERS + numbers * reference.ships, reference.ships
-        units = reference.max_speed, reference.max_turn, reference.dt
+        self._own, self._ships = OWN_NUMBERS + reference.encounters, reference.ships
+        self.size = self._own + numbers * reference.ships
+        units = reference.max_speed, reference.max_turn, reference.dt, reference.max_steps
         self._units = tuple(map(np.float32, units))
 
     def __call__(self, state: Tensor) -> Tensor:
@@ -117,5 +129,5 @@ class CompiledVector:
     def of_rows(self, states: Array) -> Array:
         """Observe states float32 [N, S]; return float32 [N, F]."""
         seen = np.empty((len(states), self.size), np.float32)
-        observe(states, *self._units, self._ships, seen)
+        observe(states, *self._units, self._ships, self._own, seen)
         return seen

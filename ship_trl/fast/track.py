@@ -66,8 +66,9 @@ def action_of(kind: int, turned: float, slowed: float) -> float:
 
 
 @compiled()
-def track_ship(row: Array, ship: int, slowed: float, limits: Limits) -> None:
+def track_ship(row: Array, ship: int, cruise: float, limits: Limits) -> None:
     """Write class, onset and action of the ship whose numbers begin at `ship` in a state [S]."""
+    slowed, onset = abs(row[col.SPEED] / cruise - 1), row[ship + col.SHIP_ONSET_HEADING]
     course, speed = row[ship + col.SHIP_HEADING], row[ship + col.SHIP_SPEED]
     x, y = row[ship + col.SHIP_X] - row[col.X], row[ship + col.SHIP_Y] - row[col.Y]
     velocity_x = speed * math.cos(course) - row[col.SPEED] * math.cos(row[col.HEADING])
@@ -75,10 +76,13 @@ def track_ship(row: Array, ship: int, slowed: float, limits: Limits) -> None:
     speed2 = velocity_x * velocity_x + velocity_y * velocity_y
     time = -(x * velocity_x + y * velocity_y) / speed2 if speed2 > 0 else 0.0
     kind = int(row[ship + col.SHIP_CLASS])
-    if row[col.STEP] == 0 or (time < 0 and math.hypot(x, y) > limits[2]):
+    moves_apart = x * (speed * math.cos(course) - cruise * math.cos(onset)) + y * (
+        speed * math.sin(course) - cruise * math.sin(onset)
+    )
+    if row[col.STEP] == 0 or (time < 0 and moves_apart > 0 and math.hypot(x, y) > limits[2]):
         kind = NONE
     if kind != NONE:
-        action = action_of(kind, row[ship + col.SHIP_ONSET_HEADING] - row[col.HEADING], slowed)
+        action = action_of(kind, onset - row[col.HEADING], slowed)
         row[ship + col.SHIP_ACTION] = max(row[ship + col.SHIP_ACTION], action)
         return
     kind = begins_as((x, y, velocity_x, velocity_y), time, row[col.HEADING], course, speed, limits)
@@ -92,13 +96,12 @@ def track(before: Array, after: Array, dt: float, cruise: float, limits: Limits)
     """Write what has happened to each target ship into states [N, S] after a step; see `Tracker`."""
     for n in range(after.shape[0]):
         row = after[n]
-        slowed = abs(row[col.SPEED] / cruise - 1)
         for k in range(int(row[col.SHIP_COUNT])):
             ship = col.OWN_SIZE + col.SHIP_SIZE * k
             swung = row[ship + col.SHIP_HEADING] - before[n, ship + col.SHIP_HEADING]
             swung -= 2 * math.pi * math.floor((swung + math.pi) / (2 * math.pi))
             row[ship + col.SHIP_TURN] = swung / dt
-            track_ship(row, ship, slowed, limits)
+            track_ship(row, ship, cruise, limits)
 
 
 class CompiledTracker:

@@ -18,6 +18,7 @@ from ship_trl.sim.env import Engine, ShipEnv
 from ship_trl.sim.render import Drawing, Rasteriser
 from ship_trl.sim.starts import Starts, TrafficStarts
 from ship_trl.sim.starts import make_starts as make_plain_starts
+from ship_trl.sim.state import OWN_SIZE
 from ship_trl.sim.transition import Outcome, Step, Transition
 from ship_trl.sim.vector import Numbers, VectorObservation
 
@@ -62,7 +63,9 @@ class Fast(Slow):
             return observation
         from ship_trl.fast.observe import CompiledVector
 
-        return CompiledVector(observation)
+        # A number of one's own is in the reference alone.
+        compiled, size = CompiledVector(observation), len(observation(torch.zeros(OWN_SIZE)))
+        return compiled if compiled.size == size else observation
 
     def drawing(self, rasteriser: Rasteriser) -> Drawing:
         """Make the drawing."""

@@ -41,9 +41,9 @@ OFF_COURSE, MAX_COMPARED = 45.0, 1_000_000
 class Limits(NamedTuple):
     """When an encounter begins and ends: metres, seconds; see `ship_trl.sim.encounter.Limits`.
 
-    Tracks are kept for the time in which own ship goes `way` metres: that of an episode. An encounter that is
-    first seen with a TCPA below `soonest` is left out: a track begins or a ship turns so late that nobody
-    could act in time.
+    In tracks it ends as soon as ships move apart and are `clear` m away. Tracks are kept for the time in
+    which own ship goes `way` metres: that of an episode. An encounter that is first seen with a TCPA below
+    `soonest` is left out: a track begins or a ship turns so late that nobody could act in time.
     """
 
     dcpa: float

@@ -1,9 +1,9 @@
 """Action masks: in training and of its network (`mask=rules`), or laid on any policy (`POLICY+rules+shield`).
 
 A mask is made of a world, by a name or a user's function, and maps states to allowed actions. `rules` forbids
-port turns while own ship meets a ship head-on, gives way or overtakes, and any change while it must only
-stand on, until the other ship is near (stage 4 of `policies.metrics`). It is released where no allowed action
-keeps clear of ships that hold course, in the next seconds.
+turns to port of the course at the onset while own ship meets a ship head-on, gives way or overtakes, and any
+change while it must only stand on, until the other ship is near (stage 4 of `policies.metrics`). It is
+released where no allowed action keeps clear of ships that hold course, in the next seconds.
 
 `shield` is for finished policies. It takes only actions behind which a held manoeuvre reaches the goal by the
 simulator's prediction, in which target ships hold course and speed; the manoeuvre found last stays among
@@ -27,12 +27,14 @@ from ship_trl.learn.rollout import Policy
 from ship_trl.policies.checked import describe
 from ship_trl.policies.manoeuvres import Manoeuvres
 from ship_trl.policies.registry import SHIELD
-from ship_trl.sim.encounter import keeps_clear, stands_on
+from ship_trl.sim.encounter import keeps_clear, stands_on, turn_since_onset
 from ship_trl.sim.rules import COLLISION, STAGE4
 from ship_trl.sim.state import SHIP_CLASS, STEP, relative_positions, target_ships
 
 # How much a rate of turn counts beside a speed, where a policy has no values: 0.1 rad/s as 10 m/s.
 TURN_WEIGHT = 100.0
+# Radians of rounding.
+LEAST_TURN = 1e-3
 # Seconds that an allowed action must keep clear.
 AHEAD = 10.0
 
@@ -63,8 +65,8 @@ class RulesMask:
 
     def __init__(self, world: World) -> None:
         self.near, self.steps = STAGE4 * world.safe_distance / COLLISION, round(AHEAD / world.dt)
-        turn = torch.tensor(world.actions)[:, 1]
-        self.to_port, self.straight = turn > 0, torch.arange(len(turn)) == world.straight_action
+        self.turn = torch.tensor(world.actions)[:, 1] * world.dt
+        self.straight = torch.arange(len(self.turn)) == world.straight_action
         self.manoeuvres = Manoeuvres(world)
 
     def __call__(self, state: Tensor) -> Tensor:
@@ -73,8 +75,10 @@ class RulesMask:
         kind = target_ships(rows)[..., SHIP_CLASS]
         distance = torch.linalg.vector_norm(relative_positions(rows), dim=-1)
         must_act = keeps_clear(kind).any(-1, keepdim=True)
+        to_port = (self.turn > 0) & (turn_since_onset(rows)[..., None] + self.turn > LEAST_TURN)
+        breaks = (keeps_clear(kind)[..., None] & to_port).any(-2)
         stays = (stands_on(kind) & (distance > self.near)).any(-1, keepdim=True) & ~must_act
-        allowed = ~(must_act & self.to_port) & (~stays | self.straight)
+        allowed = ~breaks & (~stays | self.straight)
         bound = (must_act | stays).squeeze(-1)
         is_clear = self.manoeuvres.stay_clear(rows[bound], allowed[bound], self.steps)
         allowed[bound] |= ~is_clear[:, None]

@@ -2,7 +2,7 @@
 
 Rules are COLREGs 8 and 13 to 17, scored as by Hagen et al., Ocean Engineering 288:115991, 2023, after Woerner
 et al. 2019 (doi 10.1007/s10514-018-9765-y), read from a public reconstruction. Numbers in parentheses are its
-equations. Encounter classes are Pedersen's, locked at the onset (`sim.encounter.next_classes`).
+equations. Encounter classes are Pedersen's, locked at the onset (`sim.encounter.classes_at_onset`).
 
 Ours: radii are scaled from a collision radius of 35 m to the safe distance, and the stages by the window of
 the picture. Where an encounter begins inside stage 3, the delay counts from its onset. Of several changes,
@@ -37,8 +37,8 @@ from ship_trl.sim.encounter import (
     TURN,
     Encounter,
     Motion,
+    classes_at_onset,
     limits_of,
-    next_classes,
     ramp,
     relative_motion,
     stands_on,
@@ -232,11 +232,7 @@ def score_rules(states: Tensor, last: Tensor, world: World, head_on: float = HEA
     states, last, safe = states.double(), last[:, None], world.safe_distance
     motion = relative_motion(states)
     limits = limits_of(safe, math.radians(head_on))
-    # Classes stay from the onset until the ships are past and clear, int64 [N, T + 1, K].
-    found = [torch.full(motion.distance[:, 0].shape, int(Encounter.NONE))]
-    for t in range(states.shape[1]):
-        found.append(next_classes(found[-1], states[:, t], Motion(*(part[:, t] for part in motion)), limits))
-    classes = torch.stack(found[1:], 1)
+    classes = classes_at_onset(states, motion, limits)
     time = torch.arange(states.shape[1])[:, None]
     begins = first((classes != Encounter.NONE) & (time < last[:, None]))
     has_onset, onset = begins >= 0, begins.clamp(min=0)

@@ -21,7 +21,7 @@ from tensordict import TensorDictBase
 from torch import Tensor
 
 from ship_trl.policies.steering import Steering
-from ship_trl.sim.encounter import keeps_clear, relative_motion, ship_velocities
+from ship_trl.sim.encounter import keeps_clear, limits_of, relative_motion, ship_velocities
 from ship_trl.sim.env import ShipEnv
 from ship_trl.sim.geometry import closest_approach, predicted_approach, unit_vector
 from ship_trl.sim.state import HEADING, SHIP_CLASS, goal_course, is_present, target_ships
@@ -48,7 +48,7 @@ class VelocityObstacles:
         speeds = self.steering.speed.unique()
         self.offset, self.speed = (grid.flatten() for grid in torch.meshgrid(offsets, speeds, indexing="ij"))
         self.cruise = world.actions[world.straight_action][0]
-        self.radius = world.safe_distance + MARGIN
+        self.radius, self.near = world.safe_distance + MARGIN, limits_of(world.safe_distance).dcpa
         speed, turn = max(world.actions, key=lambda action: abs(action[1]))
         self.time = self.offset.abs() / max(abs(turn), 1e-6)
         self.chord = self.time * speed * torch.sinc(self.offset / (2 * math.pi))
@@ -83,6 +83,8 @@ class VelocityObstacles:
         obstacle = hits * (CONE + TIME / (1.0 + entry.clamp(min=0.0)))
         # Relative to the ship, own ship goes to the left of it, which leaves the ship to starboard.
         goes_left = away[..., 1] * relative[..., 0] - away[..., 0] * relative[..., 1] > 0
-        # Where own ship keeps clear, it leaves the target ship to port.
-        breaks = keeps_clear(target_ships(state)[..., SHIP_CLASS])[:, None] & goes_left & (tcpa > 0)
+        # Where own ship keeps clear, and the ships would pass near, it leaves the target ship to port.
+        passes_near = (motion.tcpa > 0) & (motion.dcpa < self.near)
+        keeps = keeps_clear(target_ships(state)[..., SHIP_CLASS]) & passes_near
+        breaks = keeps[:, None] & goes_left & (tcpa > 0)
         return cost + obstacle.amax(-1) + RULE * breaks.any(-1)

@@ -51,7 +51,7 @@ from ship_trl.transfer.casebase import CONFIG, LOCKS, POLICY, POLICY_LAST, rank
 # older version are not mistaken for results of this one.
 ALGORITHM_VERSION = 3
 # The same for the numbers that a network without pixels sees (`sim.vector`).
-VECTOR_VERSION = 2
+VECTOR_VERSION = 3
 # Weights that were learned on the source.
 LEARNED = (SourceWeights.learned, SourceWeights.pretrained)
 # The setting that names a teacher.

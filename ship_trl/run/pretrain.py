@@ -30,7 +30,7 @@ SEEDS, SCRATCH = range(100, 105), ("method=scratch",)
 # The networks of random encounters by name: seeds and words of their runs.
 NUMBERS = "observation=vector", "network.linear=[256,256,512,256]"
 SUITES = {
-    "traffic": (range(5), NUMBERS),
+    "traffic": (range(3), NUMBERS),
     "traffic_rules": (range(5), (*NUMBERS, "margin.rules=300")),
     # Its teacher is `traffic`, written before it.
     "traffic_pixels": (range(3), ("algorithm=pupil", "algorithm.teacher=traffic")),

@@ -162,6 +162,16 @@ def keeps_clear(kind: Tensor) -> Tensor:
     return (kind == Encounter.HEAD_ON) | (kind == Encounter.GIVE_WAY) | (kind == Encounter.OVERTAKING)
 
 
+def turns_starboard(kind: Tensor) -> Tensor:
+    """Return whether classes of encounter ask own ship to keep clear by a turn to starboard."""
+    return (kind == Encounter.HEAD_ON) | (kind == Encounter.GIVE_WAY)
+
+
+def turn_since_onset(state: Tensor) -> Tensor:
+    """Return how far own ship has turned to port since the onset of encounters (rad) [..., K]."""
+    return wrap_angle(state[..., col.HEADING, None] - target_ships(state)[..., col.SHIP_ONSET_HEADING])
+
+
 def stands_on(kind: Tensor) -> Tensor:
     """Return whether classes of encounter ask own ship to keep course and speed."""
     return (kind == Encounter.STAND_ON) | (kind == Encounter.OVERTAKEN)
@@ -170,8 +180,8 @@ def stands_on(kind: Tensor) -> Tensor:
 class Limits(NamedTuple):
     """When an encounter begins and ends.
 
-    It begins when DCPA is below `dcpa` (m) and TCPA between 0 and `tcpa` (s). It ends when the ships move
-    apart and are `clear` (m) away from each other. `head_on` is the half-angle (rad) of the head-on sector.
+    It begins when DCPA is below `dcpa` (m) and TCPA between 0 and `tcpa` (s). It ends when the ship is past
+    (`are_past`) and `clear` (m) away. `head_on` is the half-angle (rad) of the head-on sector.
     """
 
     dcpa: float
@@ -185,16 +195,31 @@ def limits_of(safe_distance: float, head_on: float = HEAD_ON) -> Limits:
     return Limits(safe_distance * 4 / 3, 30.0, 2 * safe_distance, head_on)
 
 
-def next_classes(classes: Tensor, state: Tensor, motion: Motion, limits: Limits) -> Tensor:
-    """Return the classes of encounter in states [N, S], int64 [N, K], after those a step before.
-
-    Between its onset and its end a class stays (Rule 13(d)); step 0 begins a new episode.
-    """
-    is_over = (motion.tcpa < 0) & (motion.distance > limits.clear)
-    classes = classes.masked_fill(is_over | (state[..., col.STEP, None] == 0), Encounter.NONE)
-    begins = (classes == Encounter.NONE) & (motion.dcpa < limits.dcpa) & are_ruled(state, motion)
+def classes_at_onset(state: Tensor, motion: Motion, limits: Limits) -> Tensor:
+    """Return the classes of encounters that begin in states, int64 [..., K]; `NONE` where none does."""
+    begins = (motion.dcpa < limits.dcpa) & are_ruled(state, motion)
     begins &= (motion.tcpa >= 0) & (motion.tcpa <= limits.tcpa)
-    return torch.where(begins, classify(motion.bearing, motion.aspect, limits.head_on), classes)
+    return classify(motion.bearing, motion.aspect, limits.head_on).masked_fill(~begins, Encounter.NONE)
+
+
+def are_past(state: Tensor, motion: Motion, cruise: float) -> Tensor:
+    """Return which target ships move apart from own ship now, and would if it resumed its course [..., K].
+
+    That is the course at the onset, at cruising speed: a hard turn away alone ends no encounter (Rule 13(d)).
+
+    Args:
+        state: with the courses that `Tracker` remembers.
+        motion: of these states.
+        cruise: own speed on that course (m/s).
+    """
+    course = target_ships(state)[..., col.SHIP_ONSET_HEADING]
+    resumed = ship_velocities(state) - cruise * unit_vector(course)
+    return (motion.tcpa < 0) & ((motion.position * resumed).sum(-1) > 0)
+
+
+def cruise_of(world: World) -> float:
+    """Return the speed of going straight (m/s), which is never 0."""
+    return max(world.actions[world.straight_action][0], 1e-6)
 
 
 def ramp(value: Any, bounds: tuple[float, float], power: int = 2) -> Any:
@@ -220,7 +245,7 @@ class Tracker:
     def __init__(self, world: World, device: torch.device | str = "cpu") -> None:
         self.device = torch.device(device)
         self.world, self.limits = world, limits_of(world.safe_distance)
-        self.cruise = max(world.actions[world.straight_action][0], 1e-6)
+        self.cruise = cruise_of(world)
 
     def __call__(self, before: Tensor, after: Tensor) -> Tensor:
         """Return the states after the step, float32 [N, S]; none is changed."""
@@ -228,13 +253,18 @@ class Tracker:
         ships, present = target_ships(state), is_present(state)
         if not ships.shape[-2]:
             return state
-        had = ships[..., col.SHIP_CLASS].long()
-        now = next_classes(had, state, relative_motion(state), self.limits)
-        begins, goes_on = (now != had) & (now != Encounter.NONE), (now == had) & (now != Encounter.NONE)
+        had, motion = ships[..., col.SHIP_CLASS].long(), relative_motion(state)
+        # Between its onset and its end a class stays (Rule 13(d)); step 0 begins a new episode.
+        is_over = are_past(state, motion, self.cruise) & (motion.distance > self.limits.clear)
+        is_over |= state[..., col.STEP, None] == 0
+        goes_on = (had != Encounter.NONE) & ~is_over
+        now = had.where(goes_on, classes_at_onset(state, motion, self.limits))
+        begins = (now != Encounter.NONE) & ~goes_on
         step, heading = (state[..., column, None].expand_as(had) for column in (col.STEP, col.HEADING))
         onset = torch.where(begins, step, ships[..., col.SHIP_ONSET] * goes_on)
         course = torch.where(begins, heading, ships[..., col.SHIP_ONSET_HEADING] * goes_on)
-        turned = -torch.rad2deg(wrap_angle(heading - course))
+        ships[..., col.SHIP_ONSET_HEADING] = course * present
+        turned = -torch.rad2deg(turn_since_onset(state))
         slowed = (state[..., col.SPEED, None] / self.cruise - 1).abs().expand_as(turned)
         action = action_size(now, turned, slowed)
         action = torch.maximum(action, ships[..., col.SHIP_ACTION]) * goes_on
@@ -246,7 +276,6 @@ class Tracker:
             (col.SHIP_TURN, swung),
             (col.SHIP_CLASS, now),
             (col.SHIP_ONSET, onset),
-            (col.SHIP_ONSET_HEADING, course),
             (col.SHIP_ACTION, action),
         ):
             ships[..., column] = value * present
@@ -267,7 +296,6 @@ def action_size(kind: Tensor, turned: Tensor, slowed: Tensor) -> Tensor:
         turned: change of course (degrees), positive to starboard.
         slowed: change of speed, as a share.
     """
-    is_to_starboard = (kind == Encounter.HEAD_ON) | (kind == Encounter.GIVE_WAY)
-    turn = ramp(torch.where(is_to_starboard, turned, turned.abs()), TURN)
+    turn = ramp(torch.where(turns_starboard(kind), turned, turned.abs()), TURN)
     speed = ramp(slowed, SPEED_CHANGE)
     return torch.where(stands_on(kind), torch.maximum(turn, speed), (turn + speed) / 2)

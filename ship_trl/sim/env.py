@@ -64,7 +64,7 @@ class ShipEnv(EnvBase):
     Action: int64 [N], index into table 1. A step lasts `world.dt` seconds.
     Reward: float32 [N, 1], raw (equation 4).
     Episode end: `terminated` at the goal or on a collision, which takes precedence in the same step;
-    `truncated` at the step limit.
+    `truncated` at the step limit, with `margin.timeout` `terminated` too.
 
     A reset draws initial states from the suite with the environment's own generator; one unperturbed case
     draws no numbers. The environment holds no other state: a step is a function of the tensordict that it is
@@ -84,7 +84,7 @@ class ShipEnv(EnvBase):
             that parallel workers differ until `set_seed`.
         starts: initial states [N, S] with which every reset begins the N rows, in place of drawn ones.
         engine: what steps, draws and begins episodes; by default torch and Python alone do.
-        margin: what passing near a target ship costs in addition to the world's reward.
+        margin: what training pays in addition to the world's reward.
     """
 
     batch_locked = True
@@ -217,10 +217,13 @@ class ShipEnv(EnvBase):
             near = ((self.margin.distance - distance) / width).clamp(0.0, 1.0)
             reward = reward - self.margin.penalty * near
         if self.margin.rules:
-            paid = rule_payment(before, state, self.world.safe_distance)
+            paid = rule_payment(before, state, self.world)
             reward = reward + self.margin.rules * paid.unsqueeze(-1)
         if self.margin.collision:
             reward = reward - self.margin.collision * after.collision.unsqueeze(-1)
+        if self.margin.timeout:
+            reward = reward - self.margin.timeout * truncated
+            terminated = terminated | truncated
         return TensorDict(
             self._observe(state)
             | {

@@ -10,7 +10,19 @@ from __future__ import annotations
 import torch
 from torch import Tensor
 
-from ship_trl.sim.encounter import Encounter, keeps_clear, relative_motion, stands_on
+from ship_trl.config.types import World
+from ship_trl.sim.encounter import (
+    TURN,
+    Encounter,
+    are_past,
+    cruise_of,
+    keeps_clear,
+    ramp,
+    relative_motion,
+    stands_on,
+    turn_since_onset,
+    turns_starboard,
+)
 from ship_trl.sim.geometry import closest_approach
 from ship_trl.sim.state import (
     SHIP_ACTION,
@@ -30,6 +42,8 @@ RADII, GAINS = (COLLISION, 50.0, 100.0, 200.0), (0.5, 0.3, 0.2)
 
 # What lacks in a pass counts so much, beside an action in full.
 PASS = 2.0
+# Own ship has acted from this size on: slowing down gives 0.5, a turn of 14 degrees the rest.
+ACTED = 0.6
 
 
 def safety_score(distance: Tensor, bearing: Tensor, aspect: Tensor, safe: float) -> Tensor:
@@ -68,30 +82,36 @@ def wrong_side(kind: Tensor, bearing: Tensor, aspect: Tensor) -> Tensor:
     )
 
 
-def rule_payment(before: Tensor, after: Tensor, safe: float) -> Tensor:
+def rule_payment(before: Tensor, after: Tensor, world: World) -> Tensor:
     """Return what steps of N ships earn by the rules, [N]: at most 1 in an episode.
 
     It is the mean over target ships, and what a collision costs, as a pass without any safety does.
 
-    Where own ship keeps clear, its action counts as far as it is timely; at CPA it costs what safety and side
-    of passing lack. Where it stands on, its action costs, until the ship is in stage 4.
+    Where own ship keeps clear, its action counts as far as it is timely; a turn to port before it costs where
+    it must be to starboard, and at each CPA what safety and side of passing lack. Where it stands on, its
+    action costs, until the ship is in stage 4.
 
     Args:
         before: states [N, S], with what `sim.encounter.Tracker` writes.
         after: states a step later.
-        safe: the world's safe distance (m).
+        world: safe distance, speed of going straight.
     """
+    safe = world.safe_distance
     kind, later = (target_ships(state)[..., SHIP_CLASS] for state in (before, after))
     first, then = relative_motion(before), relative_motion(after)
-    acted = (target_ships(after)[..., SHIP_ACTION] - target_ships(before)[..., SHIP_ACTION]) * (kind == later)
-    is_ahead = first.tcpa > 0
+    goes_on = kind == later
+    acted = (target_ships(after)[..., SHIP_ACTION] - target_ships(before)[..., SHIP_ACTION]) * goes_on
+    is_ahead = ~are_past(before, first, cruise_of(world))
     timely = (first.distance / STAGE3).clamp(max=1.0)
     paid = acted * timely * (keeps_clear(kind) & is_ahead)
     paid = paid - acted * (stands_on(kind) & (first.distance > STAGE4))
+    to_port = [ramp(torch.rad2deg(turn_since_onset(state)), TURN, power=1) for state in (before, after)]
+    is_wrong = turns_starboard(kind) & is_ahead & goes_on & (target_ships(before)[..., SHIP_ACTION] < ACTED)
+    paid = paid - (to_port[1] - to_port[0]).clamp(min=0.0) * is_wrong
     distance = closest_approach(relative_positions(before), relative_positions(after))
     lacks = 1 - safety_score(distance, then.bearing, then.aspect, safe)
     lacks = lacks + wrong_side(kind, then.bearing, then.aspect)
-    paid = paid - PASS * lacks * (keeps_clear(kind) & is_ahead & (then.tcpa <= 0))
+    paid = paid - PASS * lacks * (keeps_clear(kind) & (first.tcpa > 0) & (then.tcpa <= 0))
     # It ends the episode, and would save what passes lack. In a step with both, both count.
     collides = ((distance < safe) & is_present(before)).any(-1)
     return paid.sum(-1) / before[..., SHIP_COUNT].clamp(min=1) - PASS * collides

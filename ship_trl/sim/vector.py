@@ -10,14 +10,14 @@ from torch import Tensor
 from ship_trl.config.types import Network, World
 from ship_trl.sim import scene
 from ship_trl.sim import state as col
-from ship_trl.sim.encounter import Encounter, own_velocity, ship_velocities
-from ship_trl.sim.geometry import unit_vector, wrap_angle
+from ship_trl.sim.encounter import Encounter, own_velocity, ship_velocities, turn_since_onset
+from ship_trl.sim.geometry import unit_vector
 from ship_trl.sim.state import goal_distance, goal_off_bow, is_present, relative_positions, target_ships
 
 # Units of TCPA (s) and DCPA (m), their largest size, and the least relative speed (m/s) that they are for.
 TCPA, DCPA, MAX_SIZE, MIN_SPEED = 20.0, 100.0, 2.0, 1e-3
-# Units of the time since an encounter began (s), and of own turn since then (rad).
-SINCE, TURNED = 20.0, 0.5
+# Units of the time since an encounter began (s), of own turn since then (rad), and of the time left (s).
+SINCE, TURNED, LEFT = 20.0, 0.5, 60.0
 CLASSES = tuple(Encounter)[1:]
 
 # Maps states [..., S] to numbers [..., F].
@@ -27,14 +27,16 @@ Numbers = Callable[[Tensor], Tensor]
 class VectorObservation:
     """Observes states as numbers of about one: `observe(state)` maps float [..., S] to float32 [..., F].
 
-    F is 5 + 10 K, or 5 + 19 K with `encounters`. Each number with what 1 stands for, and its range; the
-    second group once for each of the K nearest target ships, nearest first, and all zero where there is none:
+    F is 5 + 10 K, or 6 + 19 K with `encounters`, to which the time left belongs. Each number with what 1
+    stands for, and its range; the second group once for each of the K nearest target ships, nearest first,
+    and all zero where there is none:
 
         distance of the goal | 640 m | from 0
         sine of the goal's bearing | | -1 to 1, port positive
         cosine of the goal's bearing | | -1 to 1, ahead positive
         own speed | 15 m/s | 0 to 1
         own rate of turn | 0.1 rad/s | -1 to 1, port positive
+        time left | 60 s | 0 to 1
 
         place ahead | 640 m | any, astern negative
         place to port | 640 m | any, starboard negative
@@ -69,7 +71,7 @@ class VectorObservation:
     """
 
     def __init__(self, world: World, ships: int, encounters: bool = False) -> None:
-        self.ships, self.encounters, self.dt = ships, encounters, world.dt
+        self.ships, self.encounters, self.dt, self.max_steps = ships, encounters, world.dt, world.max_steps
         self.max_speed = max(abs(speed) for speed, _ in world.actions)
         # Above zero in float32 too, where no action turns.
         self.max_turn = max(1e-6, *(abs(turn) for _, turn in world.actions))
@@ -89,6 +91,8 @@ class VectorObservation:
             state[..., col.SPEED] / self.max_speed,
             state[..., col.YAW_RATE] / self.max_turn,
         )
+        if self.encounters:
+            own = (*own, ((self.max_steps - state[..., col.STEP]) * self.dt / LEFT).clamp(0.0, 1.0))
         return torch.cat((torch.stack(own, -1), self._observe_ships(state).flatten(-2)), -1)
 
     def _observe_ships(self, state: Tensor) -> Tensor:
@@ -126,11 +130,10 @@ class VectorObservation:
         kind = ships[..., col.SHIP_CLASS]
         is_on = (kind != Encounter.NONE).to(state.dtype)
         since = state[..., col.STEP, None] - ships[..., col.SHIP_ONSET]
-        turned = wrap_angle(state[..., col.HEADING, None] - ships[..., col.SHIP_ONSET_HEADING])
         return (
             ships[..., col.SHIP_TURN] / self.max_turn,
             *((kind == one).to(state.dtype) for one in CLASSES),
             since * self.dt / SINCE * is_on,
-            turned / TURNED * is_on,
+            turn_since_onset(state) / TURNED * is_on,
             ships[..., col.SHIP_ACTION],
         )

@@ -101,8 +101,8 @@ def test_a_network_of_numbers_is_exported(tmp_path: Path, capsys: pytest.Capture
     made = saved_numbers(tmp_path / "vector.safetensors")
     main(["vector.safetensors", "vector.onnx", "target=4"])
     said = capsys.readouterr().out
-    assert "vector float32 [batch, 157] -> action_value float32 [batch, 7]" in said and "the same act" in said
-    numbers = torch.randn(3, 157, generator=Generator().manual_seed(2))
+    assert "vector float32 [batch, 158] -> action_value float32 [batch, 7]" in said and "the same act" in said
+    numbers = torch.randn(3, 158, generator=Generator().manual_seed(2))
     torch.testing.assert_close(values(tmp_path / "vector.onnx", numbers, "vector"), made(numbers).detach())
 
 

@@ -17,8 +17,7 @@ from ship_trl.config.checks import ignored_keys, named_learn, non_default_algori
 from ship_trl.config.errors import ConfigError
 from ship_trl.config.network import load_network
 from ship_trl.config.paths import conf_dir
-from ship_trl.config.schema import read_as
-from ship_trl.config.types import Config, Learn, Observation, plain
+from ship_trl.config.types import Config, Observation, plain
 from ship_trl.files.untrusted import read_changes, read_yaml
 from ship_trl.grid.compose import compose_config, use_loader
 from ship_trl.run.plan import make_run
@@ -105,7 +104,7 @@ def test_every_recipe_sets_all_values_of_training_once(algorithm: str) -> None:
         name = f"double_dqn_{profile}" if algorithm == "n_step" else f"{algorithm}_{profile}"
         recipe: Any = read_yaml(conf_dir() / "recipe" / f"{name}.yaml")
         assert recipe.learn == {key: config["learn"][key] for key in recipe.learn}
-        assert config["learn"].keys() - recipe.learn.keys() - {"average"} == {"precision", "backend"}
+        assert config["learn"].keys() - recipe.learn.keys() == {"precision", "backend"}
 
 
 def test_some_profiles_have_an_algorithm_and_a_picture() -> None:
@@ -114,8 +113,9 @@ def test_some_profiles_have_an_algorithm_and_a_picture() -> None:
     pixels, numbers = (
         composed("target=traffic", "method=scratch", *more) for more in ((), ("observation=vector",))
     )
-    assert (pixels.network.vector_time, pixels.colour) == (8, True)
+    assert (pixels.network.vector_time, pixels.colour, pixels.margin.timeout) == (8, True, 0)
     assert (numbers.network, numbers.colour) == (load_network("vector"), False)
+    assert numbers.margin.timeout > 0
 
 
 @pytest.mark.parametrize("network", options("network"))
@@ -170,10 +170,6 @@ def test_files_name_imitation_only_where_there_is_some() -> None:
     assert non_default_algorithm(some.algorithm) == some.algorithm and keys < set(some.algorithm)
 
 
-def test_files_name_an_average_only_if_there_is_one() -> None:
-    without, with_one = (composed(*HIGH, f"learn.average={share}").learn for share in (0, 0.5))
-    assert named_learn(with_one) == named_learn(without) | {"average": 0.5}
-    assert "backend" not in named_learn(without)
-    # As a file of a run before there was one.
-    values = {name: value for name, value in plain(with_one).items() if name != "average"}
-    assert read_as(Learn, values).average == 0
+def test_files_do_not_name_the_backend() -> None:
+    learn = composed(*HIGH).learn
+    assert plain(learn).keys() - named_learn(learn).keys() == {"backend"}

@@ -38,7 +38,7 @@ SHIP_LARGEST = [800.0, 800.0, 2 * math.pi, 20.0, 0.0, 0.1, 0.0, 60.0, 2 * math.p
 def test_numbers_are_those_of_torch(ships: int, empty: int, shown: int, encounters: bool, seed: int) -> None:
     largest = torch.tensor(LARGEST + SHIP_LARGEST * (ships + empty))
     states = (2 * torch.rand(20, len(largest), generator=torch.Generator().manual_seed(seed)) - 1) * largest
-    states[:, SHIP_COUNT] = ships
+    states[:, SHIP_COUNT], states[:, STEP] = ships, torch.arange(20.0) * 4
     target_ships(states)[..., SHIP_SPEED].abs_()
     kinds = torch.randint(6, (20, ships + empty), generator=torch.Generator().manual_seed(seed))
     target_ships(states)[..., SHIP_CLASS] = kinds.float()
@@ -52,11 +52,11 @@ def test_numbers_are_those_of_torch(ships: int, empty: int, shown: int, encounte
     found, wanted = CompiledVector(observe)(states), observe(states)
     assert found.shape == wanted.shape and found.dtype == wanted.dtype
     of_ships, wanted_of_ships = (
-        seen[:, 5:].unflatten(-1, (shown, 10 + 9 * encounters)) for seen in (found, wanted)
+        seen[:, 5 + encounters :].unflatten(-1, (shown, 10 + 9 * encounters)) for seen in (found, wanted)
     )
     approach, others = [7, 8], [0, 1, 2, 3, 4, 5, 6, *range(9, 10 + 9 * encounters)]
     near = partial(torch.testing.assert_close, rtol=1e-6, atol=2e-6)
-    near(found[:, :5], wanted[:, :5])
+    near(found[:, : 5 + encounters], wanted[:, : 5 + encounters])
     near(of_ships[..., others], wanted_of_ships[..., others])
     # An error of velocity counts as often as the distance is larger than the way of a second.
     torch.testing.assert_close(of_ships[..., approach], wanted_of_ships[..., approach], rtol=0, atol=3e-4)

@@ -58,7 +58,7 @@ def test_stable_baselines3_evaluates_it() -> None:
 
 
 PIXELS = r"policy: 4 takes pixels, uint8 \[84, 84, 1\] or a batch, as gymnasium.make\(..., .*'pixels'"
-NUMBERS = r"policy: traffic takes vector, float32 \[157\] or a batch, as gymnasium.make\(..., observ"
+NUMBERS = r"policy: traffic takes vector, float32 \[158\] or a batch, as gymnasium.make\(..., observ"
 
 
 @pytest.mark.parametrize(
@@ -95,7 +95,7 @@ def test_a_file_and_a_function_of_ones_own_are_policies(tmp_path: Path) -> None:
     made = make_network(load_network("vector"), 7, Generator().manual_seed(0))
     save_weights(tmp_path / "vector.safetensors", made, {})
     policy = ship_trl.load_policy(tmp_path / "vector.safetensors")
-    seen = np.ones((3, 157), np.float32)
+    seen = np.ones((3, 158), np.float32)
     assert policy.predict(seen)[0].tolist() == made(torch.from_numpy(seen)).argmax(-1).tolist()
     (tmp_path / "mine.py").write_text(
         "def policy(env, seed):\n    return lambda step: step.set('action', step['state'][:, 0].long() + 2)\n"

@@ -71,11 +71,13 @@ def test_the_rules_leave_these_actions(ships: tuple[TargetShip, ...], left: tupl
 def test_a_class_is_kept_until_the_ships_are_past_and_clear() -> None:
     mask, state = RulesMask(WORLD), state_of(FROM_STARBOARD)
     assert not mask(state)[0, 0]
-    # The bow now points far behind the other ship's stern, but it has not passed.
+    # The bow now points far behind the other ship's stern, but it has not passed: own ship may turn back.
     turned = state.clone()
     turned[0, 2] = math.radians(20)
     turned[0, STEP] = 5
     turned = Tracker(WORLD)(state, turned)
+    assert bool(mask(turned).all())
+    turned[0, 2] = math.radians(90)
     assert not mask(turned)[0, 0]
     past = turned.clone()
     target_ships(past)[0, 0, :2] = torch.tensor([-400.0, 100.0])

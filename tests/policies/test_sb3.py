@@ -37,7 +37,7 @@ def test_a_model_acts_and_its_pickles_run_only_if_it_is_trusted(
     said = capsys.readouterr().err
     assert said == "ship_trl: policy: model.zip: running the code in it, in a process of its own\n"
     assert Path("unpickled").exists() and policy.env_options == {"observation": "vector"}
-    seen = np.random.default_rng(0).normal(size=(20, 157)).astype(np.float32)
+    seen = np.random.default_rng(0).normal(size=(20, 158)).astype(np.float32)
     wanted, _ = model.predict(seen, deterministic=True)
     assert len(set(wanted.tolist())) > 1 and np.array_equal(policy.predict(seen)[0], wanted)
     assert policy.predict(seen[0])[0] == wanted[0]

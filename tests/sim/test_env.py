@@ -175,3 +175,16 @@ def test_a_margin_costs_near_passes_and_nothing_else(world: World) -> None:
         cost -= 50.0 * bool(step["collision"])
         assert cost == pytest.approx(30.0 * min(max(near, 0.0), 1.0), abs=1e-3)
     assert costs[0] == 0.0 and costs[-1] == 80.0
+
+
+def test_a_timeout_costs_and_is_final_if_the_margin_says_so(world: World) -> None:
+    # Own ship circles.
+    case = Case([0, 0], 90, [0, 600], "straight", [], "own")
+    plain, shaped = (
+        repeat_action(make_env(case, world, margin=one), 0) for one in (None, Margin(timeout=40.0))
+    )
+    costs = [float(one["reward"] - other["reward"]) for one, other in zip(plain, shaped, strict=True)]
+    assert costs == pytest.approx([0.0] * 59 + [40.0])
+    for steps, is_final in ((plain, False), (shaped, True)):
+        flags = [(bool(one["truncated"]), bool(one["terminated"])) for one in steps[-2:]]
+        assert flags == [(False, False), (True, is_final)]

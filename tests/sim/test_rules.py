@@ -14,7 +14,7 @@ from ship_trl.learn.rollout import rollout
 from ship_trl.policies.metrics import measure_episodes
 from ship_trl.policies.named import load_policy
 from ship_trl.sim.cases import Case, TargetShip, load_suite, load_world, suite_of
-from ship_trl.sim.encounter import Encounter
+from ship_trl.sim.encounter import Encounter, relative_motion
 from ship_trl.sim.rules import PASS, rule_payment
 from ship_trl.sim.state import (
     SHIP_ACTION,
@@ -31,6 +31,8 @@ WORLD = load_world()
 PORT, STRAIGHT, STARBOARD = 0, 3, 6
 HEAD_ON, FROM_STARBOARD = TargetShip(0, 500, -90, 10), TargetShip(300, 300, 180, 15)
 FROM_PORT, OVERTAKEN = TargetShip(-300, 300, 0, 15), TargetShip(0, 200, 90, 5)
+# Faster than own ship in a hard turn.
+FAST_AHEAD = TargetShip(0, 140, 90, 10)
 
 
 def run(ship: TargetShip, actions: list[int]) -> Tensor:
@@ -48,7 +50,7 @@ def run(ship: TargetShip, actions: list[int]) -> Tensor:
 
 
 def payments(states: Tensor) -> Tensor:
-    return rule_payment(states[:-1], states[1:], WORLD.safe_distance)
+    return rule_payment(states[:-1], states[1:], WORLD)
 
 
 @pytest.mark.parametrize(
@@ -69,6 +71,22 @@ def test_a_state_remembers_the_class_and_the_onset(ship: TargetShip, kind: Encou
     onset, heading = (0.0, math.pi / 2) if kind != Encounter.NONE else (0.0, 0.0)
     assert set(ships[:, SHIP_ONSET].tolist()) == {onset}
     assert ships[:, SHIP_ONSET_HEADING].tolist() == pytest.approx([heading] * 7)
+
+
+def test_an_encounter_ends_where_the_ship_is_past_and_clear() -> None:
+    # A turn away opens the range, but on its old course own ship would still overtake.
+    away = run(FAST_AHEAD, [STARBOARD] * 8 + [STRAIGHT] * 10)
+    motion = relative_motion(away)
+    apart = (motion.tcpa[:, 0] < 0) & (motion.distance[:, 0] > 2 * WORLD.safe_distance)
+    assert apart[1:].all()
+    assert set(target_ships(away)[:, 0, SHIP_CLASS].tolist()) == {float(Encounter.OVERTAKING)}
+    # It goes by on a course beside the old one.
+    passing = run(TargetShip(0, 200, 90, 5), [STARBOARD] * 8 + [PORT] * 8 + [STRAIGHT] * 30)
+    classes = target_ships(passing)[:, 0, SHIP_CLASS]
+    over = int((classes == Encounter.NONE).int().argmax())
+    motion = relative_motion(passing)
+    assert over > 20 and not classes[over:].any() and bool((classes[:over] > 0).all())
+    assert motion.bearing[over, 0].abs() > math.pi / 2 and motion.distance[over, 0] > 2 * WORLD.safe_distance
 
 
 def test_an_action_grows_with_the_turn_and_is_kept() -> None:
@@ -98,6 +116,27 @@ def test_keeping_clear_early_and_to_starboard_earns_most() -> None:
     assert sides[0] == pytest.approx(sides[1], abs=1e-3)
 
 
+def test_a_turn_to_port_costs_until_own_ship_has_acted_to_starboard() -> None:
+    # From the course at the onset, 5.7 degrees to port and back.
+    paid = payments(run(FROM_STARBOARD, [PORT, STARBOARD]))
+    slowing = 0.5 * min(math.dist((0, 0), (300, 300)) / 236, 1)
+    assert paid.tolist() == pytest.approx([slowing - (math.degrees(0.1) - 2) / 28, 0.0], abs=1e-4)
+    # After an action in full, the way back past that course costs nothing.
+    assert payments(run(FROM_STARBOARD, [STARBOARD] * 6 + [PORT] * 8))[6:].tolist() == [0.0] * 8
+    # An encounter that ends leaves no course to turn from.
+    states = run(TargetShip(-40, 500, -90, 10), [5] * 12 + [STRAIGHT] * 40)
+    ends = (target_ships(states)[:-1, 0, SHIP_CLASS] != target_ships(states)[1:, 0, SHIP_CLASS]).nonzero()
+    # What is left is the cost of the pass.
+    assert len(ends) and bool((payments(states)[ends] > -0.1).all())
+
+
+def test_an_action_is_paid_while_own_ship_would_still_come_nearer_on_its_old_course() -> None:
+    states = run(FAST_AHEAD, [STARBOARD] * 6)
+    grows = target_ships(states)[:, 0, SHIP_ACTION].diff() > 0
+    apart = relative_motion(states).tcpa[:-1, 0] < 0
+    assert bool((grows & apart).any()) and bool((payments(states)[grows & apart] > 0).all())
+
+
 @pytest.mark.parametrize("ship", [HEAD_ON, FROM_PORT])
 def test_a_collision_costs_a_pass_without_safety_whoever_keeps_clear(ship: TargetShip) -> None:
     states = run(ship, [STRAIGHT] * 40)
@@ -114,7 +153,7 @@ def test_a_collision_costs_a_pass_without_safety_whoever_keeps_clear(ship: Targe
 
 def test_without_ships_nothing_is_paid() -> None:
     states = torch.zeros(3, 9)
-    assert rule_payment(states, states, 45.0).tolist() == [0, 0, 0]
+    assert rule_payment(states, states, WORLD).tolist() == [0, 0, 0]
 
 
 def test_training_alone_pays_for_the_rules() -> None:

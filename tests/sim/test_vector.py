@@ -1,6 +1,7 @@
 """The scene as numbers: what they are, and that only relative places count."""
 
 import math
+from dataclasses import replace
 
 import pytest
 import torch
@@ -15,6 +16,7 @@ from ship_trl.sim.state import (
     SHIP_COUNT,
     SHIP_SIZE,
     SPEED,
+    STEP,
     is_present,
     relative_positions,
     state_size,
@@ -37,6 +39,14 @@ def test_the_numbers_of_a_scene(world: World) -> None:
     near = [0, 300 / 640, -1, -1, 300 / 640, 1, 0, 10 / 20, 2, 1]
     assert seen[5:15] == pytest.approx(near, abs=1e-6)
     assert seen[15:] == [0.0] * 10
+
+
+@pytest.mark.parametrize(("most", "step", "left"), [(60, 0, 1.0), (60, 45, 0.25), (100, 20, 1.0)])
+def test_own_numbers_end_with_the_time_that_is_left(most: int, step: int, left: float) -> None:
+    state = torch.zeros(OWN_SIZE)
+    state[STEP] = step
+    seen = VectorObservation(replace(WORLD, max_steps=most), 0, encounters=True)(state)
+    assert float(seen[-1]) == left and len(seen) == 6
 
 
 @given(scenarios(), st.floats(-180, 180), st.tuples(st.floats(-300, 300), st.floats(-300, 300)))

@@ -169,7 +169,8 @@ class Margin:
     of it at the safe distance. Keeping the steering rules earns at most `rules` an episode
     (`sim.rules`). A collision costs `collision`, and twice `rules`, more: it ends the episode, so it must
     cost more than all that is then no longer paid for near passes and broken rules. A truncated
-    episode costs `timeout`, less than a collision; above 0, its end counts as final.
+    episode costs `timeout`, less than a collision; above 0, its end counts as final, which needs a network
+    that sees the time (Pardo et al., 2018).
     """
 
     distance: bounds.Bound = 0.0

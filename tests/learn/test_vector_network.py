@@ -37,9 +37,9 @@ def test_layers_of_ships_their_sums_and_maxima_carry_value_and_advantage() -> No
     assert isinstance(net, VectorNetwork)
     assert net.layer_names == ("linear1", "linear2", "linear3", "shared")
     shapes = [tuple(layer.weight.shape) for layer in (*net.layers, net.value, net.advantage)]
-    assert shapes == [(128, 25), (128, 128), (256, 261), (256, 256), (1, 256), (7, 256)]
+    assert shapes == [(128, 25), (128, 128), (256, 262), (256, 256), (1, 256), (7, 256)]
     seen = numbers(5)
-    own, ships = seen[:, :5], seen[:, 5:].view(5, 8, 19)
+    own, ships = seen[:, :6], seen[:, 6:].view(5, 8, 19)
     ships[..., -1] = torch.tensor([1.0, 1.0, *[0.0] * 6])
     one, two, three, four = net.layers
     alone = [two(one(torch.cat((own, ships[:, k]), 1)).relu()).relu() for k in range(2)]

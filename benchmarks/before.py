@@ -28,6 +28,7 @@ from ship_trl.run.process import processor_name
 COMMIT, ROOT = "53fcc0f", Path(__file__).parent.parent
 PARTS = {
     "import": "Seconds to import the environment",
+    "run": "Minutes of `make run` in a fresh clone, installation included",
     "loop": "Steps a second of the paper's training loop from pixels: case 4, batches of 32",
     "vector": "Seconds for 1,000 updates from numbers and their 16,000 steps, batches of 128",
     "numbers": "Minutes from numbers until shares of traffic_test are solved, each as in its `curves`",
@@ -78,6 +79,15 @@ SCRIPTS = {
 began = time.perf_counter()
 from ship_trl.sim.env import ShipEnv
 print(json.dumps({"import": time.perf_counter() - began}))
+""",
+    # Each in an environment of its own, with the commit's lock and this machine's cache of packages.
+    "run": """
+import subprocess, tempfile
+with tempfile.TemporaryDirectory() as fresh:
+    subprocess.run(("git", "clone", "--quiet", ".", fresh), check=True)
+    began = time.perf_counter()
+    subprocess.run(("make", "run"), cwd=fresh, check=True, stdout=subprocess.DEVNULL)
+    print(json.dumps({"minutes": (time.perf_counter() - began) / 60}))
 """,
     "loop": """
 from benchmarks.ours import make_ours

@@ -21,10 +21,10 @@ import numpy as np
 from ship_trl.cli.parser import make_parser
 from ship_trl.config.errors import override
 from ship_trl.files.disk import atomic_write
-from ship_trl.run.pretrain import NUMBERS
+from ship_trl.run.pretrain import RULES as LEARNED
 
 WEIGHTS = (0, 50, 100, 200, 300, 600)
-WORDS = "target=traffic", "method=scratch", *NUMBERS
+WORDS = "target=traffic", "method=scratch", *LEARNED
 SUITES = ("traffic_test", "traffic_dense", "traffic_reacting")
 RULES = (8, 13, 14, 15, 16)
 

@@ -27,11 +27,13 @@ if TYPE_CHECKING:
 
 RUNS = Path("outputs/pretrained")
 SEEDS, SCRATCH = range(100, 105), ("method=scratch",)
-# The networks of random encounters by name: seeds and words of their runs.
 NUMBERS = "observation=vector", "network.linear=[256,256,512,256]"
+# Beside payments, lateness must cost more; a threshold below a collision's cost forgets rare ones.
+RULES = *NUMBERS, "margin.timeout=600", "learn.huber_delta=50"
+# The networks of random encounters by name: seeds and words of their runs.
 SUITES = {
     "traffic": (range(3), NUMBERS),
-    "traffic_rules": (range(5), (*NUMBERS, "margin.rules=300")),
+    "traffic_rules": (range(5), (*RULES, "margin.rules=300")),
     # Its teacher is `traffic`, written before it.
     "traffic_pixels": (range(3), ("algorithm=pupil", "algorithm.teacher=traffic")),
 }

@@ -1,7 +1,8 @@
 """`python -m benchmarks before`: this build beside an earlier one, in turn, on one machine.
 
 The earlier build is a worktree of a commit in a temporary folder. Both run with this Python and its packages,
-each measurement in a process of its own.
+each measurement in a process of its own. Only `run` installs what each build's lock names, from what is
+committed, and is not measured unless it is named.
 """
 
 from __future__ import annotations
@@ -28,7 +29,7 @@ from ship_trl.run.process import processor_name
 COMMIT, ROOT = "53fcc0f", Path(__file__).parent.parent
 PARTS = {
     "import": "Seconds to import the environment",
-    "run": "Minutes of `make run` in a fresh clone, installation included",
+    "run": "Minutes of `make run`, of each build its own job, in a fresh clone, installation included",
     "loop": "Steps a second of the paper's training loop from pixels: case 4, batches of 32",
     "vector": "Seconds for 1,000 updates from numbers and their 16,000 steps, batches of 128",
     "numbers": "Minutes from numbers until shares of traffic_test are solved, each as in its `curves`",
@@ -80,13 +81,14 @@ began = time.perf_counter()
 from ship_trl.sim.env import ShipEnv
 print(json.dumps({"import": time.perf_counter() - began}))
 """,
-    # Each in an environment of its own, with the commit's lock and this machine's cache of packages.
     "run": """
-import subprocess, tempfile
+import os, subprocess, sys, tempfile
+del os.environ["PYTHONPATH"]
+run = "make", f"PYTHON={sys.executable}", "run"
 with tempfile.TemporaryDirectory() as fresh:
     subprocess.run(("git", "clone", "--quiet", ".", fresh), check=True)
     began = time.perf_counter()
-    subprocess.run(("make", "run"), cwd=fresh, check=True, stdout=subprocess.DEVNULL)
+    subprocess.run(run, cwd=fresh, check=True, stdout=subprocess.DEVNULL)
     print(json.dumps({"minutes": (time.perf_counter() - began) / 60}))
 """,
     "loop": """
@@ -131,7 +133,7 @@ def main(arguments: Sequence[str]) -> None:
     listed = "\n".join(f"    {part:10} {title}" for part, title in PARTS.items())
     parser = make_parser("", f"{__doc__}\n\nParts:\n{listed}")
     parser.prog = "python -m benchmarks before"
-    parser.add_argument("parts", nargs="*", metavar="PART", help="default: all")
+    parser.add_argument("parts", nargs="*", metavar="PART", help="default: all but run")
     parser.add_argument("--commit", default=COMMIT, help=f"the earlier build (default {COMMIT})")
     add_number(parser, "--rounds", Positive, 5, "measurements of each build, or seeds (default 5)")
     parser.add_argument("--markdown", action="store_true", help="print Markdown tables")
@@ -142,7 +144,7 @@ def main(arguments: Sequence[str]) -> None:
     sys.stdout.write(f"{processor_name()}, torch {torch.__version__}, 1 thread\n")
     with worktree(options.commit) as before:
         builds = {options.commit: before, "this build": ROOT}
-        for part in options.parts or PARTS:
+        for part in options.parts or [one for one in PARTS if one != "run"]:
             # Compiles the loops, so that this is not counted as training.
             if warm := {"numbers": "vector", "pixels": "loop"}.get(part):
                 for folder in builds.values():

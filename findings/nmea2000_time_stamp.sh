@@ -1,11 +1,10 @@
 #!/usr/bin/env bash
 # nmea2000 2026.10.3: an AIS position report has a time stamp where its second is not known, and none where it is.
 #
-# Expected: `value` of "Time Stamp", which the field describes as 0-59 = UTC second, is the second 12 of a report of
-# second 12, and something like None where the second is not available (60) or the receiver is inoperative (63).
+# Expected: `value` of "Time Stamp" is the second for 0 to 59, and None for 60 (not available) and 63 (inoperative).
 # Seen: None at 0, 12 and 59, a text at 60 and 63; the second is in `raw_value` alone. A filter that drops reports whose
-# `value` is None keeps only the bad ones. Course and heading without a value are None, as one expects. They are in
-# radians, while latitude and longitude of the same message are in degrees, with `units="si"` too.
+# `value` is None keeps only the bad ones. A course without a value is None, as one expects. With `units="si"` it is in
+# radians, while the latitude of the same message is in degrees.
 set -euo pipefail
 folder=$(mktemp -d)
 trap 'rm -rf "$folder"' EXIT

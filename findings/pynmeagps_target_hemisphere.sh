@@ -1,11 +1,10 @@
 #!/usr/bin/env bash
 # pynmeagps 1.1.8: radar targets west of Greenwich are east of it, those south of the equator north of it.
 #
-# Expected: in TLL, the sentence of a tracked target's position, south and west are negative, as in RMC, GLL, WPL, GGA
-# and all other sentences with a position.
+# Expected: in TLL, the sentence of a tracked target's position, south and west are negative, as in RMC, GLL and WPL.
 # Seen: own position at 37.86 S, 122.34 W has negative numbers; the target at the very
 # same place has positive ones. The letters of the hemispheres stand in fields of their own, `targetlatNS` and
-# `targetlonEW`. pynmea2 1.19.0 gives negative numbers for the same sentence.
+# `targetlonEW`. The waypoint of BEC is wrong likewise. pynmea2 1.19.0 gives negative numbers for the same TLL.
 set -euo pipefail
 folder=$(mktemp -d)
 trap 'rm -rf "$folder"' EXIT
@@ -30,6 +29,8 @@ for body in (f"GPRMC,081836,A,{place},010.0,360.0,130926,,", f"GPGLL,{place},081
 tll = sentence(f"RATLL,01,{place},TGT,081836.00,T,")
 target = NMEAReader.parse(tll)
 print("TLL", target.targetlat, target.targetlatNS, target.targetlon, target.targetlonEW)
+waypoint = NMEAReader.parse(sentence(f"GPBEC,081837,{place},052.4,T,031.0,M,000.5,N,BUOY"))
+print("BEC", waypoint.wptlat, waypoint.wptlon)
 other = pynmea2.parse(tll)
 print("pynmea2", f"{other.latitude:.10f} {other.longitude:.10f}")
 PY
@@ -39,6 +40,7 @@ RMC -37.8608333333 -122.3427966667
 GLL -37.8608333333 -122.3427966667
 WPL -37.8608333333 -122.3427966667
 TLL 37.8608333333 S 122.3427966667 W
+BEC 37.8608333333 122.3427966667
 pynmea2 -37.8608333333 -122.3427966667
 EXPECTED
 echo "as described"

@@ -84,7 +84,12 @@ def main() -> None:
     parser.add_argument("folder", type=Path, nargs="?", default=Path("outputs/frontier"), help="of the runs")
     folder = parser.parse_args().folder
     os.environ["MPLBACKEND"] = "agg"
-    train({folder / str(weight): (*WORDS, f"margin.rules={weight}") for weight in WEIGHTS})
+    train(
+        {
+            folder / str(weight): (*WORDS, f"margin.rules={weight}", f"margin.timeout={300 + weight}")
+            for weight in WEIGHTS
+        }
+    )
     import pandas as pd
 
     rows = [{"weight": float(weight)} | measure(str(folder / str(weight))) for weight in WEIGHTS]

@@ -3,9 +3,9 @@
 Seeds 100 to 104 learn each case from scratch with profile=quick. The network with the highest greedy return
 is kept, on ties the one with the lower seed. It is written in half precision if its greedy episode stays the
 same. With `--suites` the networks of random encounters are trained instead: two of numbers, one of
-which keeps the rules, and one of pixels, which learns from the first; each with some seeds. That of seed 0 is
-kept, and all greedy episodes on the Imazu problems must stay the same. Finished runs are not repeated. Other
-networks in FOLDER's manifest stay.
+which keeps the rules, and one of pixels, which learns from the first; each with some seeds. The first
+seed is kept, and all greedy episodes on the Imazu problems must stay the same. Finished runs are not
+repeated. Other networks in FOLDER's manifest stay.
 """
 
 from __future__ import annotations

@@ -1,7 +1,7 @@
 """`python -m studies.frontier`: what keeping the steering rules costs in success, at six weights.
 
-Each network learns from numbers as `pretrained:traffic_rules` does, with its own `margin.rules` and one seed:
-some ten minutes on one core. Missing runs are made, one after the other.
+Each network learns from numbers as `pretrained:traffic_rules` does, with its own payment and cost of lateness
+and one seed: some ten minutes on one core. Missing runs are made, one after the other.
 
 Writes:
     FOLDER/WEIGHT/           the runs

@@ -14,7 +14,7 @@ from torch import Generator
 
 from ship_trl.config.arm import SourceWeights, forms
 from ship_trl.config.errors import ConfigError
-from ship_trl.config.types import Config, Learn, Precision
+from ship_trl.config.types import Config, Learn
 from ship_trl.fast.worlds import accelerator, make_env, make_starts
 from ship_trl.files.curve import Row
 from ship_trl.learn.algorithm import Algorithm, Setup, Teacher, build_algorithm
@@ -322,13 +322,12 @@ def make_source_check(
 
 
 def read_teacher(teacher: TeacherFile, env: ShipEnv, config: Config) -> Teacher:
-    """Return the teacher's Q-values in the run's scaled rewards, of states, in float32 by the run's backend.
+    """Return the teacher's Q-values in the run's scaled rewards, of states, by its backend and precision.
 
     Raises:
         ConfigError: the file is invalid, or its network has other actions.
     """
     network = load_network(teacher.path, env, TEACHER)
     observe = env.observer(network.config, network.colour)
-    learn, make = replace(config.learn, precision=Precision.fp32), accelerator(config.fast).backend
-    network.backend = make_backend(network, observe, learn, make)
+    network.backend = make_backend(network, observe, config.learn, accelerator(config.fast).backend)
     return lambda state: teacher.factor * network(observe(state))

@@ -176,9 +176,12 @@ def test_a_teacher_of_numbers_and_one_of_pixels_give_their_q_values(tmp_path: Pa
     path = saved(tmp_path / "policy.safetensors")
     network = make_network(load_network("vector"), 7, Generator().manual_seed(0))
     wanted = network(env.observer(network.config)(state))
+    exact = "learn.precision=fp32"
     for name in (path, tmp_path):
-        assert torch.equal(read_teacher(pupil(name), env)(state), wanted)
-    bundled_tenth = read_teacher(pupil("pretrained:4", "learn.reward_scale=0.01"), env)
+        assert torch.equal(read_teacher(pupil(name, exact), env)(state), wanted)
+    half = read_teacher(pupil(path, "learn.precision=bf16"), env)(state)
+    assert 0 < float((half - wanted).detach().abs().max()) < 0.05
+    bundled_tenth = read_teacher(pupil("pretrained:4", exact, "learn.reward_scale=0.01"), env)
     _, own = load_with_network("pretrained:4", env)
     torch.testing.assert_close(bundled_tenth(state), 0.1 * own(env.rasteriser(state)))
     assert find_teacher(composed("target=4", "method=scratch")) is None

@@ -36,6 +36,11 @@ def test_a_build_is_measured_and_its_worktree_removed(commit: str, monkeypatch: 
     assert str(folder) not in listed.stdout
 
 
+@pytest.mark.parametrize("part", before.PARTS)
+def test_every_part_is_python(part: str) -> None:
+    compile(before.SCRIPTS[part], part, "exec")
+
+
 def test_ratios_are_medians_of_the_rounds(capsys: pytest.CaptureFixture[str]) -> None:
     rounds = [
         {"old": {"speed": old}, "new": {"speed": new}} for old, new in ((1.0, 3.0), (2.0, 4.0), (2.0, 8.0))

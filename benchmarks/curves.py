@@ -60,7 +60,7 @@ LAYERS = [256, 256, 256]
 RUN = ("target=traffic_near", "profile=traffic", "method=scratch", "observation=vector")
 # A quarter of the profile's scenes. Chosen on seeds 100 and 101 of the same scenes.
 SHORT = "learn.episodes=48000"
-# Of a teacher and its pupil in benchmarks/before.py; chosen likewise.
+# Schedules of the teacher and its pupil in benchmarks/before.py, chosen on the same seeds.
 TEACHER, PUPIL = "learn.episodes=96000", "learn.episodes=48000"
 # Takes the greedy policy, the steps so far and whether training ends; returns whether to continue.
 Record = Callable[[Policy, int, bool], bool]

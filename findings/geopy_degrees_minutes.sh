@@ -3,8 +3,9 @@
 #
 # Expected: `Point` reads the minutes, or says "unknown format" as it does of 59-30.5N 010-20.5E.
 # Seen: without a mark behind the minutes, 59 30.5 N 10 20.5 E is 10 N 20.5 E: all before the last two numbers is
-# skipped. A degree sign does not help. And the minus of -0 is lost, so that 20 minutes west of Greenwich become
-# 20 minutes east of it, while -1 20m is right. lat-lon-parser 1.3.1 reads all of them (with ' for m).
+# skipped. A degree sign does not help. In the documentation minutes have a mark; nothing says that they need one. The
+# minus of -0 is lost even with a mark, so that 20 minutes west of Greenwich become 20 minutes east of it, while -1 20m
+# is right. lat-lon-parser 1.3.1 reads all of them (with ' for m).
 set -euo pipefail
 folder=$(mktemp -d)
 trap 'rm -rf "$folder"' EXIT

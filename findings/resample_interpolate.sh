@@ -2,10 +2,10 @@
 # pandas 3.1.1 and polars 2.1.0: fixes at odd seconds, interpolated to every ten, are wrong in two ways.
 #
 # Expected: a place every ten seconds, on the line between the fix before and the fix after.
-# Seen: pandas keeps the fixes between its times, as its documentation says, but counts rows instead of seconds: a time
-# between two fixes has the place halfway. A ship with a steady 10 m/s has 13.5, 6.5, 5.5 and 14.5; `method="time"` is
-# right. polars drops those fixes, so that a ship that lay still for 26 s moves on at 3.5 m/s. Each is right where the
-# other is wrong.
+# Seen: pandas keeps the fixes between its times, but counts rows instead of seconds: a time between two fixes has the
+# place halfway. A ship with a steady 10 m/s has 13.5, 6.5, 5.5 and 14.5. `method="time"` is right. The documentation
+# says that the default ignores the index, and also that it suits resampling to times that do not match. polars drops
+# those fixes, so a ship that lay still for 26 s moves on at 3.5 m/s. Each is right where the other is wrong.
 set -euo pipefail
 folder=$(mktemp -d)
 trap 'rm -rf "$folder"' EXIT

@@ -18,6 +18,7 @@ from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from pathlib import Path
 
+import numpy as np
 import torch
 
 from ship_trl.cli.parser import add_number, make_parser
@@ -25,6 +26,7 @@ from ship_trl.config.bounds import Positive
 from ship_trl.config.errors import ConfigError
 from ship_trl.run.console import show
 from ship_trl.run.process import processor_name
+from ship_trl.study.statistics import permutation
 
 COMMIT, ROOT = "53fcc0f", Path(__file__).parent.parent
 PARTS = {
@@ -34,7 +36,9 @@ PARTS = {
     "vector": "Seconds for 1,000 updates from numbers and their 16,000 steps, batches of 128",
     "numbers": "Minutes from numbers until shares of traffic_test are solved, each as in its `curves`",
     "pixels": "Minutes from pixels until shares of traffic_test are solved, the teacher of numbers included",
+    "learned": "What a whole schedule learned from numbers, and half of one does now, for the same reward",
 }
+LONG = {"run", "learned"}
 # What both builds call otherwise: a run of random encounters, its words, and training without evaluations.
 PLAN = """
 from benchmarks import curves
@@ -55,6 +59,7 @@ def begin(*words):
 # A learner's minutes to shares of traffic_test: what comes before its training, and after it.
 MINUTES = f"""{PLAN}
 from torch import Generator
+from ship_trl.learn.rollout import rollout
 from ship_trl.sim.cases import load_world
 try:
     from ship_trl.fast.worlds import make_env, make_starts
@@ -142,6 +147,21 @@ while record(ours.algorithm.greedy, ours.training.steps, ours.training.is_finish
 curve.points = [(spent + read(point)[0], 0, read(point)[1]) for point in curve.points]
 """
     + REACHED,
+    # On scenes that neither network has met, nor any choice of a schedule.
+    "learned": MINUTES
+    + """
+import torch
+learner, began = begin(*run, f"seed={SEED}", *getattr(curves, "SAME_REWARD", ())), time.process_time()
+while not learner.training.is_finished:
+    for _ in learner.training.advance():
+        pass
+minutes = (time.process_time() - began) / 60
+suite = load_suite(run[0].partition("=")[2], load_world())
+drawn = [make_starts(suite, load_world()).sample(1, Generator().manual_seed(30_000 + k)) for k in range(500)]
+episodes = rollout(make_env(suite, load_world(), starts=torch.cat(drawn)), learner.algorithm.greedy)
+means = {name: sum(getattr(one, name) for one in episodes) / 500 for name in ("goal", "episode_return")}
+print(json.dumps({"minutes": minutes, **means}))
+""",
 }
 
 
@@ -150,7 +170,9 @@ def main(arguments: Sequence[str]) -> None:
     listed = "\n".join(f"    {part:10} {title}" for part, title in PARTS.items())
     parser = make_parser("", f"{__doc__}\n\nParts:\n{listed}")
     parser.prog = "python -m benchmarks before"
-    parser.add_argument("parts", nargs="*", metavar="PART", help="default: all but run")
+    parser.add_argument(
+        "parts", nargs="*", metavar="PART", help=f"default: all but {' and '.join(sorted(LONG))}"
+    )
     parser.add_argument("--commit", default=COMMIT, help=f"the earlier build (default {COMMIT})")
     add_number(parser, "--rounds", Positive, 5, "measurements of each build, or seeds (default 5)")
     parser.add_argument("--markdown", action="store_true", help="print Markdown tables")
@@ -161,7 +183,7 @@ def main(arguments: Sequence[str]) -> None:
     sys.stdout.write(f"{processor_name()}, torch {torch.__version__}, 1 thread\n")
     with worktree(options.commit) as before:
         builds = {options.commit: before, "this build": ROOT}
-        for part in options.parts or [one for one in PARTS if one != "run"]:
+        for part in options.parts or [one for one in PARTS if one not in LONG]:
             # Compiles the loops, so that this is not counted as training.
             if warm := {"numbers": "vector", "pixels": "loop"}.get(part):
                 for folder in builds.values():
@@ -170,7 +192,7 @@ def main(arguments: Sequence[str]) -> None:
                 {name: measure(part, folder, seed) for name, folder in builds.items()}
                 for seed in range(1, options.rounds + 1)
             ]
-            print_ratios(PARTS[part], rounds, options.markdown)
+            print_ratios(PARTS[part], rounds, options.markdown, test=part == "learned")
 
 
 @contextmanager
@@ -207,8 +229,13 @@ def measure(part: str, folder: Path, seed: int) -> dict[str, float]:
     return found
 
 
-def print_ratios(title: str, rounds: list[dict[str, dict[str, float]]], markdown: bool) -> None:
-    """Print the median and range of both builds, and the median of the rounds' ratios."""
+def print_ratios(
+    title: str, rounds: list[dict[str, dict[str, float]]], markdown: bool, test: bool = False
+) -> None:
+    """Print the median and range of both builds, and the median of the rounds' ratios.
+
+    With `test`, also the two-sided p-value of equal means, by permutation.
+    """
     first, second = rounds[0]
     rows = []
     for name in rounds[0][first]:
@@ -221,5 +248,6 @@ def print_ratios(title: str, rounds: list[dict[str, dict[str, float]]], markdown
         counted = "" if len(reached) == len(rounds) else f", {len(reached)} of {len(rounds)} rounds"
         told = [f"{statistics.median(v):.3g} ({min(v):.3g} to {max(v):.3g})" for v in values]
         ratio = statistics.median(new / old for old, new in zip(*values, strict=True))
-        rows.append([name + counted, *told, f"{ratio:.2f}"])
-    show((title, first, second, "ratio"), rows, markdown)
+        p = [f"{permutation(np.array(values[0]), np.array(values[1]), seed=0):.2g}"] if test else []
+        rows.append([name + counted, *told, f"{ratio:.2f}", *p])
+    show((title, first, second, "ratio", *["p"] * test), rows, markdown)

@@ -55,6 +55,15 @@ def test_ratios_are_medians_of_the_rounds(capsys: pytest.CaptureFixture[str]) ->
     ]
 
 
+def test_what_is_learned_is_tested_by_permutation(capsys: pytest.CaptureFixture[str]) -> None:
+    values = [1.0, 2.0, 3.0, 4.0, 5.0]
+    rounds = [{"old": {"apart": k, "even": k}, "new": {"apart": k + 9, "even": 6 - k}} for k in values]
+    before.print_ratios("Learned", rounds, markdown=True, test=True)
+    rows = [[cell.strip() for cell in line.split("|")] for line in capsys.readouterr().out.splitlines()]
+    p = {row[1]: row[-2] for row in rows if len(row) > 2}
+    assert (p["apart"], p["even"]) == (f"{2 / math.comb(10, 5):.2g}", "1")
+
+
 def test_rounds_that_miss_a_goal_have_no_ratio(capsys: pytest.CaptureFixture[str]) -> None:
     rounds = [{"old": {"to": old, "at": 1.0}, "new": {"to": 2.0, "at": 1.0}} for old in (4.0, math.inf)]
     before.print_ratios("Minutes", rounds, markdown=True)

@@ -27,8 +27,9 @@ from ship_trl.sim.state import GOAL_X, GOAL_Y
 from ship_trl.view import style
 from ship_trl.view.episode import Telemetry, measure_episode
 
-# Episodes in the moving mean of training returns.
-MEAN_OVER = 25
+# The least episodes in a moving mean of training returns, and its share of a long run, where 25
+# would be a band; and the most episodes drawn as points.
+MEAN_OVER, MEAN_SHARE, MAX_POINTS = 25, 1 / 200, 5_000
 # Collisions cost 300 and more; only returns above this differ between policies that reach the goal.
 LOWEST_GREEDY = -100.0
 # Inches of a panel of a comparison, and panels in a row.
@@ -63,11 +64,12 @@ def draw_curve(path: Path, rows: Sequence[Row], best_return: float | None, title
     finished, evaluated = (lines[lines[name].notna()] for name in ("return", "greedy_return"))
     has_rates = evaluated["greedy_episodes"].max() > 1
     figure.suptitle(title, fontsize=15, fontweight="bold")
+    shown = finished.iloc[:: math.ceil(max(1, len(finished)) / MAX_POINTS)]
     for outcome, (colour, marker) in style.CHART_OUTCOMES.items():
         look: style.Style = {"linestyle": "", "marker": marker, "color": colour}
-        trained = finished.loc[finished["outcome"] == outcome, ["episode", "return"]].to_numpy()
+        trained = shown.loc[shown["outcome"] == outcome, ["episode", "return"]].to_numpy()
         # The legend also lists an outcome that never happened.
-        label = f"training: {outcome} ({len(trained)})"
+        label = f"training: {outcome} ({(finished['outcome'] == outcome).sum()})"
         upper.plot(*trained.T, markersize=4, alpha=0.4, label=label, **look)
         ended = evaluated["greedy_outcome"] == outcome
         greedy = evaluated.loc[ended, ["episode", "greedy_return"]].to_numpy()
@@ -76,8 +78,9 @@ def draw_curve(path: Path, rows: Sequence[Row], best_return: float | None, title
             edge = colour if marker == "x" else style.BLACK
             label = f"greedy: {outcome} ({len(greedy)})"
             upper.plot(*greedy.T, markersize=7, mec=edge, zorder=4, label=label, **look)
-    episodes, mean = finished["episode"], moving_mean(finished["return"], MEAN_OVER)
-    label = f"training: mean of {MEAN_OVER}"
+    window = mean_window(len(finished))
+    episodes, mean = finished["episode"], moving_mean(finished["return"], window)
+    label = f"training: mean of {window}"
     upper.plot(episodes, mean, color=style.CHART_SERIES[0], linewidth=2.2, label=label)
     steps, returns = evaluated["episode"], evaluated["greedy_return"]
     label = "greedy evaluation, mean" if has_rates else "greedy evaluation"
@@ -90,9 +93,9 @@ def draw_curve(path: Path, rows: Sequence[Row], best_return: float | None, title
         best = f"best known: {best_return:.1f}"
         upper.axhline(best_return, color=style.BEST_KNOWN, linestyle="--", linewidth=1.8, label=best)
     for outcome, line in (("goal", "-"), ("collision", "-.")):
-        share = moving_mean(finished["outcome"] == outcome, MEAN_OVER)
+        share = moving_mean(finished["outcome"] == outcome, window)
         look = {"color": style.CHART_OUTCOMES[outcome][0], "linestyle": line}
-        lower.plot(episodes, share, label=f"share of {outcome}s, last {MEAN_OVER}", **look)
+        lower.plot(episodes, share, label=f"share of {outcome}s, last {window}", **look)
     epsilons = finished["epsilon"].astype(float)
     if epsilons.notna().any():
         label = "exploration rate ε"
@@ -104,6 +107,11 @@ def draw_curve(path: Path, rows: Sequence[Row], best_return: float | None, title
     style.save_figure(figure, path)
 
 
+def mean_window(episodes: int) -> int:
+    """Return the episodes that a moving mean takes in a run of so many."""
+    return max(MEAN_OVER, int(episodes * MEAN_SHARE))
+
+
 @matplotlib.rc_context(style.CHART)
 def draw_transfer(
     path: Path, arm: str, returns: Sequence[float], scratch: Returns, best_return: float | None, title: str
@@ -112,21 +120,22 @@ def draw_transfer(
     figure = Figure(figsize=(12, 7.5), dpi=100)
     axes = figure.subplots()
     axes.set_title(f"{title}, beside learning from scratch", fontsize=15, loc="left")
-    smooth = moving_mean(scratch, MEAN_OVER)
+    window = mean_window(scratch.shape[1])
+    smooth = moving_mean(scratch, window)
     seeds = counted(len(scratch), "seed")
     if len(scratch) > 1:
         seeds += ", median; band: from the worst to the best"
     label = f"from scratch: {seeds}; mean of all episodes {style.number(scratch.mean(), '.0f')}"
     episodes = np.arange(1, smooth.shape[1] + 1)
     _draw_band(axes, episodes, smooth, label, style.look_of("scratch"), 2.2)
-    mean = moving_mean(returns, MEAN_OVER)
+    mean = moving_mean(returns, window)
     label = f"{arm}, this run; mean of all episodes {style.number(float(np.mean(returns)), '.0f')}"
     axes.plot(np.arange(1, len(mean) + 1), mean, **style.look_of(arm), linewidth=2.8, label=label)
     if best_return is not None:
         label = f"best known return: {best_return:.1f}"
         axes.axhline(best_return, color=style.BEST_KNOWN, linestyle=":", linewidth=2.2, label=label)
     axes.set_xlabel("training episodes", fontsize=12)
-    axes.set_ylabel(f"training return, mean of the last {MEAN_OVER} episodes", fontsize=12)
+    axes.set_ylabel(f"training return, mean of the last {window} episodes", fontsize=12)
     axes.margins(x=0.01)
     figure.legend(loc="outside lower left", ncols=1, fontsize=12)
     style.save_figure(figure, path)
@@ -151,9 +160,10 @@ def _draw_panel(place: SubFigure, title: str, groups: Groups) -> None:
     upper.set_title(title)
     styles = style.arm_styles(list(groups))
     highest: list[float] = []
+    window = mean_window(max(len(run.training.returns) for runs in groups.values() for run in runs))
     for name, runs in groups.items():
         length = min(len(run.training.returns) for run in runs)
-        smooth = moving_mean(np.stack([run.training.returns[:length] for run in runs]), MEAN_OVER)
+        smooth = moving_mean(np.stack([run.training.returns[:length] for run in runs]), window)
         label = f"{name} ({counted(len(runs), 'seed')})"
         _draw_band(upper, np.arange(1, length + 1), smooth, label, styles[name], 1.8)
         length = min(len(run.greedy.returns) for run in runs)
@@ -167,7 +177,7 @@ def _draw_panel(place: SubFigure, title: str, groups: Groups) -> None:
     lowest = LOWEST_GREEDY if min(highest) > LOWEST_GREEDY else None
     lower.set_ylim(lowest, None if best is None else best + 15)
     lower.set_xlabel("training episodes")
-    upper.set_ylabel(f"training return, mean of {MEAN_OVER}\n(median of seeds; band: all)")
+    upper.set_ylabel(f"training return, mean of {window}\n(median of seeds; band: all)")
     shown = "" if lowest is None else f" above {style.number(lowest, '.0f')}"
     lower.set_ylabel(f"greedy return{shown}\n(median of seeds; band: all)")
     lines, names = upper.get_legend_handles_labels()

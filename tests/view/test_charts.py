@@ -64,6 +64,17 @@ def test_a_curve_of_few_episodes_is_drawn(tmp_path: Path, rows: list[Row]) -> No
     assert read(tmp_path / "curve.png").shape == (800, 1200, 3)
 
 
+def test_the_mean_of_many_episodes_is_a_line(tmp_path: Path) -> None:
+    noise = np.random.default_rng(0).choice((-600.0, 80.0), 20_000)
+    rows: list[Row] = [
+        {"episode": k, "epsilon": 0.1, "return": value, "outcome": "goal" if value > 0 else "collision"}
+        for k, value in enumerate(noise.tolist())
+    ]
+    draw_curve(tmp_path / "curve.png", rows, None, "traffic")
+    blue = pixels_of(read(tmp_path / "curve.png")[60:560, 150:850], CHART_SERIES[0])
+    assert len(set(blue[:, 1])) > 600 and np.ptp(blue[:, 0]) < 220
+
+
 @pytest.mark.parametrize("seeds", [1, 5])
 def test_a_transfer_and_scratch_have_their_lines_at_their_heights(tmp_path: Path, seeds: int) -> None:
     """The line of scratch is black as letters are, but long and inside the axes; the better line is above."""

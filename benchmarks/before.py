@@ -2,7 +2,7 @@
 
 The earlier build is a worktree of a commit in a temporary folder. Both run with this Python and its packages,
 each measurement in a process of its own. Only `run` installs what each build's lock names, from what is
-committed, and is not measured unless it is named.
+committed. `run` and `learned` are not measured unless they are named; `learned` pays the reward of 53fcc0f.
 """
 
 from __future__ import annotations
@@ -185,7 +185,7 @@ def main(arguments: Sequence[str]) -> None:
         builds = {options.commit: before, "this build": ROOT}
         for part in options.parts or [one for one in PARTS if one not in LONG]:
             # Compiles the loops, so that this is not counted as training.
-            if warm := {"numbers": "vector", "pixels": "loop"}.get(part):
+            if warm := {"numbers": "vector", "learned": "vector", "pixels": "loop"}.get(part):
                 for folder in builds.values():
                     measure(warm, folder, 0)
             rounds = [
@@ -243,11 +243,13 @@ def print_ratios(
         reached = [one for one in rounds if all(math.isfinite(one[build][name]) for build in (first, second))]
         values = [[one[build][name] for one in reached] for build in (first, second)]
         if not reached:
-            rows.append([name, "in no round by both", "", ""])
+            rows.append([name, "in no round by both", "", "", *[""] * test])
             continue
         counted = "" if len(reached) == len(rounds) else f", {len(reached)} of {len(rounds)} rounds"
         told = [f"{statistics.median(v):.3g} ({min(v):.3g} to {max(v):.3g})" for v in values]
         ratio = statistics.median(new / old for old, new in zip(*values, strict=True))
-        p = [f"{permutation(np.array(values[0]), np.array(values[1]), seed=0):.2g}"] if test else []
+        p = ["-"] * test
+        if test and len(reached) > 1:
+            p = [f"{permutation(np.array(values[0]), np.array(values[1]), seed=0):.2g}"]
         rows.append([name + counted, *told, f"{ratio:.2f}", *p])
     show((title, first, second, "ratio", *["p"] * test), rows, markdown)

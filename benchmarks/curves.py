@@ -54,7 +54,7 @@ TEST_SUITE, MINUTES, EVERY = "traffic_test", 10.0, 0.5
 # Shares of test scenes solved that the table has the minutes of.
 GOALS = (0.90, 0.95)
 TABLE, PICTURE = Path("outputs/curves.csv"), Path("outputs/curves.png")
-# Whole rollouts of PPO, of 64 steps of 512 ships; DQN's exploration falls over them.
+# Whole rollouts of PPO, of 64 steps of 512 ships.
 STEPS = 290 * 64 * 512
 # All ships at once: layers that see one ship at a time are ours.
 LAYERS = [256, 256, 256]
@@ -63,7 +63,7 @@ RUN = ("target=traffic_near", "profile=traffic", "method=scratch", "observation=
 SHORT = "learn.episodes=48000"
 # Schedules of the teacher and its pupil in benchmarks/before.py, chosen on the same seeds.
 TEACHER, PUPIL = "learn.episodes=96000", "learn.episodes=48000"
-# As commit 53fcc0f learned, whose reward had no costs of these: half of the profile's scenes.
+# For the reward of commit 53fcc0f, which had no costs of these; half of the profile's scenes.
 SAME_REWARD = ("learn.episodes=104000", "margin.collision=0", "margin.timeout=0")
 # Takes the greedy policy, the steps so far and whether training ends; returns whether to continue.
 Record = Callable[[Policy, int, bool], bool]
@@ -248,7 +248,7 @@ def train_dqn(seed: int, record: Record) -> None:
         "gradient_steps": 4,
         "target_update_interval": learn.num_envs,
         "tau": 4 * 0.01,
-        "exploration_fraction": 0.05,  # 0.5 million steps: about a minute
+        "exploration_fraction": 0.05,  # 0.5 million steps
         "exploration_final_eps": learn.epsilon_end,
     }
     train_peer(DQN, settings, learn, seed, record)

@@ -4,7 +4,7 @@
 # Expected: the transitions that an episode's end shortens lead to its last observation. Where the episode was truncated
 # they are not done, so a learner bootstraps from it; `on_episode_end` is documented for this case.
 # Seen: the n - 1 last transitions have a next observation of ones, whatever was observed, and are not done. Their rewards
-# are right. After a terminal step the same ones are harmless. With n = 1 the observation is right.
+# are right. With n = 1 the observation is too.
 set -euo pipefail
 folder=$(mktemp -d)
 trap 'rm -rf "$folder"' EXIT

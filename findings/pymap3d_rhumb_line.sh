@@ -3,7 +3,7 @@
 #
 # Expected: `loxodrome_inverse` gives the steady course and the way of a ship from 59 N 179 E to 60 N 179 W: north-east,
 # 159 km, as between 9 and 11 E.
-# Seen: 20,276 km due west where longitudes have a sign; nothing in the documentation excludes such places. With 181 for
+# Seen: 20,276 km nearly due west where longitudes have a sign; nothing in the documentation excludes such places. With 181 for
 # -179 it is right, and 181 is what `loxodrome_direct` gives on the way there.
 set -euo pipefail
 folder=$(mktemp -d)

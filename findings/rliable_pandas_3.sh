@@ -1,5 +1,5 @@
 #!/usr/bin/env bash
-# rliable 1.2.0 with what its installation brings today (arch 7.2.0, pandas 3.1.1) cannot be imported.
+# rliable 1.2.0 with what its installation brought in November 2026 (arch 7.2.0, pandas 3.1.1) cannot be imported.
 #
 # Expected: `pip install rliable` takes versions that fit each other.
 # Seen: it asks for arch below 8, and arch 7.2.0 for any pandas from 1.4 on. Importing rliable's library ends in a
@@ -19,7 +19,7 @@ except TypeError as error:
 print("pandas", version("pandas"), "arch", version("arch"), getattr(library, "__name__", repr(library)))
 PY
 for pandas in 3.1.1 2.3.3; do
-    "$folder/venv/bin/python" -m pip install --quiet rliable==1.2.0 arch==7.2.0 "pandas==$pandas"
+    "$folder/venv/bin/python" -m pip install --quiet rliable==1.2.0 arch==7.2.0 numpy==2.4.6 scipy==1.17.1 "pandas==$pandas"
     "$folder/venv/bin/python" "$folder/run.py"
 done | tee "$folder/output.txt"
 diff "$folder/output.txt" - <<'EXPECTED'

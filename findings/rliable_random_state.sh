@@ -9,7 +9,7 @@ set -euo pipefail
 folder=$(mktemp -d)
 trap 'rm -rf "$folder"' EXIT
 python3 -m venv "$folder/venv"
-"$folder/venv/bin/python" -m pip install --quiet rliable==1.2.0 arch==7.2.0 pandas==2.3.3
+"$folder/venv/bin/python" -m pip install --quiet rliable==1.2.0 arch==7.2.0 numpy==2.4.6 scipy==1.17.1 pandas==2.3.3
 cd "$folder"
 cat > run.py <<'PY'
 import warnings

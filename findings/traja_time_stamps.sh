@@ -21,7 +21,7 @@ for name, times in (("seconds", seconds), ("time stamps", stamps), ("as nanoseco
     print(f"pandas {pd.__version__}, {name}: {speed:.0f} m/s")
 PY
 for pandas in 3.1.1 2.3.3; do
-    "$folder/venv/bin/python" -m pip install --quiet traja==25.0.1 scikit-learn==1.9.1 "pandas==$pandas"
+    "$folder/venv/bin/python" -m pip install --quiet traja==25.0.1 scikit-learn==1.9.1 numpy==2.4.6 scipy==1.17.1 "pandas==$pandas"
     "$folder/venv/bin/python" "$folder/run.py"
 done | tee "$folder/output.txt"
 diff "$folder/output.txt" - <<'EXPECTED'

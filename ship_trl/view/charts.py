@@ -28,7 +28,7 @@ from ship_trl.view import style
 from ship_trl.view.episode import Telemetry, measure_episode
 
 # The least episodes in a moving mean of training returns, and its share of a long run, where 25
-# would be a band; and the most episodes drawn as points.
+# would be a band; and the most points of an outcome.
 MEAN_OVER, MEAN_SHARE, MAX_POINTS = 25, 1 / 200, 5_000
 # Collisions cost 300 and more; only returns above this differ between policies that reach the goal.
 LOWEST_GREEDY = -100.0
@@ -64,13 +64,14 @@ def draw_curve(path: Path, rows: Sequence[Row], best_return: float | None, title
     finished, evaluated = (lines[lines[name].notna()] for name in ("return", "greedy_return"))
     has_rates = evaluated["greedy_episodes"].max() > 1
     figure.suptitle(title, fontsize=15, fontweight="bold")
-    shown = finished.iloc[:: math.ceil(max(1, len(finished)) / MAX_POINTS)]
     for outcome, (colour, marker) in style.CHART_OUTCOMES.items():
         look: style.Style = {"linestyle": "", "marker": marker, "color": colour}
-        trained = shown.loc[shown["outcome"] == outcome, ["episode", "return"]].to_numpy()
+        trained = finished.loc[finished["outcome"] == outcome, ["episode", "return"]].to_numpy()
+        every = max(1, math.ceil(len(trained) / MAX_POINTS))
+        drawn = f", 1 in {every} drawn" if every > 1 else ""
         # The legend also lists an outcome that never happened.
-        label = f"training: {outcome} ({(finished['outcome'] == outcome).sum()})"
-        upper.plot(*trained.T, markersize=4, alpha=0.4, label=label, **look)
+        label = f"training: {outcome} ({len(trained)}{drawn})"
+        upper.plot(*trained[::every].T, markersize=4, alpha=0.4, label=label, **look)
         ended = evaluated["greedy_outcome"] == outcome
         greedy = evaluated.loc[ended, ["episode", "greedy_return"]].to_numpy()
         if len(greedy) and not has_rates:
@@ -160,9 +161,10 @@ def _draw_panel(place: SubFigure, title: str, groups: Groups) -> None:
     upper.set_title(title)
     styles = style.arm_styles(list(groups))
     highest: list[float] = []
-    window = mean_window(max(len(run.training.returns) for runs in groups.values() for run in runs))
+    lengths = {name: min(len(run.training.returns) for run in runs) for name, runs in groups.items()}
+    window = mean_window(min(lengths.values()))
     for name, runs in groups.items():
-        length = min(len(run.training.returns) for run in runs)
+        length = lengths[name]
         smooth = moving_mean(np.stack([run.training.returns[:length] for run in runs]), window)
         label = f"{name} ({counted(len(runs), 'seed')})"
         _draw_band(upper, np.arange(1, length + 1), smooth, label, styles[name], 1.8)

@@ -109,7 +109,7 @@ def draw_curve(path: Path, rows: Sequence[Row], best_return: float | None, title
 
 
 def mean_window(episodes: int) -> int:
-    """Return the episodes that a moving mean takes in a run of so many."""
+    """Return the number of episodes in a moving mean, for a run's number of episodes."""
     return max(MEAN_OVER, int(episodes * MEAN_SHARE))
 
 

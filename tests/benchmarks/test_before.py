@@ -62,6 +62,8 @@ def test_what_is_learned_is_tested_by_permutation(capsys: pytest.CaptureFixture[
     rows = [[cell.strip() for cell in line.split("|")] for line in capsys.readouterr().out.splitlines()]
     p = {row[1]: row[-2] for row in rows if len(row) > 2}
     assert (p["apart"], p["even"]) == (f"{2 / math.comb(10, 5):.2g}", "1")
+    before.print_ratios("Learned", rounds[:1], markdown=True, test=True)
+    assert capsys.readouterr().out.rstrip().endswith("| - |")
 
 
 def test_rounds_that_miss_a_goal_have_no_ratio(capsys: pytest.CaptureFixture[str]) -> None:

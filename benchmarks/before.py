@@ -2,7 +2,7 @@
 
 The earlier build is a worktree of a commit in a temporary folder. Both run with this Python and its packages,
 each measurement in a process of its own. Only `run` installs what each build's lock names, from what is
-committed. `run` and `learned` are not measured unless they are named; `learned` pays the reward of 53fcc0f.
+committed. `learned` pays the reward of 53fcc0f.
 """
 
 from __future__ import annotations
@@ -36,8 +36,9 @@ PARTS = {
     "vector": "Seconds for 1,000 updates from numbers and their 16,000 steps, batches of 128",
     "numbers": "Minutes from numbers until shares of traffic_test are solved, each as in its `curves`",
     "pixels": "Minutes from pixels until shares of traffic_test are solved, the teacher of numbers included",
-    "learned": "What a whole schedule learned from numbers, and half of one does now, for the same reward",
+    "learned": "What the earlier build's schedule teaches from numbers, and half of today's, for its reward",
 }
+# Not measured unless they are named.
 LONG = {"run", "learned"}
 # What both builds call otherwise: a run of random encounters, its words, and training without evaluations.
 PLAN = """
